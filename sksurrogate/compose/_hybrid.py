@@ -15,6 +15,7 @@ from sklearn.utils.validation import _check_feature_names, _check_n_features, ch
 from sksurrogate._checks import checked
 from sksurrogate._columns import by_name
 from sksurrogate._domain import Domain
+from sksurrogate._dynamic import lengthened
 from sksurrogate.compose._correction_report import reach
 from sksurrogate.compose._hybrid_forms import CorrectionSettings, chosen_form
 from sksurrogate.compose._hybrid_graph import hybrid_graph, hybrid_state
@@ -275,7 +276,7 @@ class HybridRegressor(RegressorMixin, BaseEstimator):
         """R2 of the free run from the first rows of every run, those rows left out."""
         check_is_fitted(self, "correction_")
         runs = self._resolve(X, y, groups)
-        first = np.stack([_padded(run.y, self.n_initial_) for run in runs])
+        first = np.stack([lengthened(run.y, self.n_initial_) for run in runs])
         predicted = np.asarray(self.predict(X, y0=first, groups=groups)).reshape(runs.n_samples, -1)
         keep = np.zeros(runs.n_samples, bool)
         for run in runs:
@@ -395,8 +396,3 @@ class HybridRegressor(RegressorMixin, BaseEstimator):
     def _shaped(self, runs: Runs, parts: list[np.ndarray]) -> np.ndarray:
         stacked = runs.stack(parts)
         return stacked[:, 0] if self.y_is_1d_ else stacked
-
-
-def _padded(y: np.ndarray, n: int) -> np.ndarray:
-    """First n rows, the last repeated where there are fewer."""
-    return y[np.minimum(np.arange(n), len(y) - 1)]

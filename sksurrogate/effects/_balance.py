@@ -53,7 +53,6 @@ class LinearLoss(BalanceEffect):
     twins = ("parameter_error", "quadratic_drag", "exchange", "input_gain")
 
     def term(self, t: Any, x: np.ndarray, v: Any, theta: Sequence[Any], width: float) -> Any:
-        """``- c v``."""
         return -theta[0] * v
 
 
@@ -70,7 +69,6 @@ class QuadraticLoss(BalanceEffect):
     twins = ("quadratic_drag", "constant_bias", "bilinear", "input_curve", "power_law")
 
     def term(self, t: Any, x: np.ndarray, v: Any, theta: Sequence[Any], width: float) -> Any:
-        """``- c v^2``."""
         return -theta[0] * v * v
 
 
@@ -86,7 +84,6 @@ class QuadraticDrag(BalanceEffect):
     twins = ("linear_loss", "coulomb_friction", "quadratic_loss", "cubic_stiffness", "power_law")
 
     def term(self, t: Any, x: np.ndarray, v: Any, theta: Sequence[Any], width: float) -> Any:
-        """``- c v abs(v)``."""
         return -theta[0] * v * np.abs(v)
 
 
@@ -133,7 +130,6 @@ class CoulombFriction(_DryFriction):
     )
 
     def term(self, t: Any, x: np.ndarray, v: Any, theta: Sequence[Any], width: float) -> Any:
-        """``- c sign(v)``."""
         return -theta[0] * sign(v, width)
 
 
@@ -148,7 +144,6 @@ class AsymmetricFriction(_DryFriction):
     twins = ("coulomb_friction", "constant_bias", "stribeck_friction")
 
     def term(self, t: Any, x: np.ndarray, v: Any, theta: Sequence[Any], width: float) -> Any:
-        """``- c sign(v) - c2``."""
         return -theta[0] * sign(v, width) - theta[1]
 
 
@@ -173,7 +168,6 @@ class StribeckFriction(BalanceEffect):
     linear = False
 
     def term(self, t: Any, x: np.ndarray, v: Any, theta: Sequence[Any], width: float) -> Any:
-        """``- (c + (cs - c) exp(-(v/vs)^2)) sign(v)``."""
         level, static, velocity = theta
         ratio = np.minimum(np.abs(v) / np.maximum(velocity, TINY), 30.0)
         return -(level + np.maximum(static - level, 0.0) * np.exp(-ratio * ratio)) * sign(v, width)
@@ -217,7 +211,6 @@ class CubicStiffness(BalanceEffect):
     twins = ("linear_loss", "quadratic_drag", "end_stop", "parameter_error")
 
     def term(self, t: Any, x: np.ndarray, v: Any, theta: Sequence[Any], width: float) -> Any:
-        """``- c v^3``."""
         return -theta[0] * v * v * v
 
 
@@ -233,7 +226,6 @@ class SqrtLeak(BalanceEffect):
     twins = ("linear_loss", "power_law", "constant_bias", "parameter_error")
 
     def term(self, t: Any, x: np.ndarray, v: Any, theta: Sequence[Any], width: float) -> Any:
-        """``- c sqrt(max(v, 0))``."""
         return -theta[0] * np.sqrt(positive(v))
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
@@ -359,7 +351,6 @@ class GravityTilt(BalanceEffect):
     twins = ("linear_loss", "cubic_stiffness", "constant_bias", "parameter_error")
 
     def term(self, t: Any, x: np.ndarray, v: Any, theta: Sequence[Any], width: float) -> Any:
-        """``- c sin(v)``."""
         return -theta[0] * np.sin(v)
 
 
@@ -375,7 +366,6 @@ class EndStop(BalanceEffect):
     twins = ("cubic_stiffness", "state_saturation", "quadratic_loss")
 
     def term(self, t: Any, x: np.ndarray, v: Any, theta: Sequence[Any], width: float) -> Any:
-        """``- c max(v - edge, 0)``."""
         return -theta[0] * np.maximum(v - theta[1], 0.0)
 
     def plausible(self, theta: Sequence[float], probe: Probe) -> bool:

@@ -48,7 +48,6 @@ class Hysteresis(HiddenEffect):
         return [follow(h * np.abs(dv) / theta[1]) * rate for rate in self.rates(z, t, v, dv, theta, width)]
 
     def force(self, z: np.ndarray, v: np.ndarray, theta: Sequence[Any]) -> Any:
-        """``- c z``."""
         return -theta[0] * z[0]
 
     def plausible(self, theta: Sequence[float], probe: Probe) -> bool:
@@ -109,7 +108,6 @@ class LugreFriction(HiddenEffect):
         return stiffness * magnitude(v, width) / np.maximum(g, TINY)
 
     def force(self, z: np.ndarray, v: np.ndarray, theta: Sequence[Any]) -> Any:
-        """``- c z``."""
         return -theta[0] * z[0]
 
     def plausible(self, theta: Sequence[float], probe: Probe) -> bool:
@@ -171,7 +169,6 @@ class HiddenRelaxation(HiddenEffect):
         return [follow(h / theta[1]) * (v - z[0]) / theta[1]]
 
     def force(self, z: np.ndarray, v: np.ndarray, theta: Sequence[Any]) -> Any:
-        """``- c (v - z)``."""
         return -theta[0] * (v - z[0])
 
     def plausible(self, theta: Sequence[float], probe: Probe) -> bool:

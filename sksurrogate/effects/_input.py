@@ -32,6 +32,12 @@ def quantize(u: np.ndarray, step: Any) -> np.ndarray:
     return np.where(step > 0, step * np.round(u / np.where(step > 0, step, 1.0)), u)
 
 
+def size_of(signal: np.ndarray) -> float:
+    """Root mean square, 1 where the signal is nil."""
+    size = float(np.sqrt(np.mean(np.square(signal)))) if signal.size else 0.0
+    return size if size > 0 else 1.0
+
+
 def times(probe: Probe, samples: Sequence[float] = (0.3, 1.0, 2.0, 4.0, 8.0, 16.0, 30.0)) -> list[tuple[float, ...]]:
     """Time constants to try: 0.3 to 30 samples."""
     longest = max(probe.duration / 3, probe.dt)
@@ -89,7 +95,6 @@ class InputGain(InputEffect):
     def transform(
         self, u: Signal, v: Signal | None, theta: Sequence[np.ndarray], h: float, starts: np.ndarray
     ) -> Signal:
-        """``(1 + c) u``."""
         factor = 1 + theta[0]
         return Signal(factor * u.mean, None if u.half is None else factor * u.half, factor * u.at_samples())
 
@@ -112,12 +117,11 @@ class InputBias(InputEffect):
     def transform(
         self, u: Signal, v: Signal | None, theta: Sequence[np.ndarray], h: float, starts: np.ndarray
     ) -> Signal:
-        """``u + c``."""
         return Signal(u.mean + theta[0], u.half, u.at_samples() + theta[0])
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
         """A tenth of the input's size."""
-        return [(0.1 * _size(probe.x),)]
+        return [(0.1 * size_of(probe.x),)]
 
 
 class InputCurve(InputEffect):
@@ -134,12 +138,11 @@ class InputCurve(InputEffect):
     def transform(
         self, u: Signal, v: Signal | None, theta: Sequence[np.ndarray], h: float, starts: np.ndarray
     ) -> Signal:
-        """``u + c u abs(u)``."""
         return pointwise(lambda value: value + theta[0] * value * np.abs(value), u)
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
         """A tenth at the input's size."""
-        return [(0.1 / _size(probe.x),)]
+        return [(0.1 / size_of(probe.x),)]
 
 
 class InputCoupling(InputEffect):
@@ -162,7 +165,6 @@ class InputCoupling(InputEffect):
     def transform(
         self, u: Signal, v: Signal | None, theta: Sequence[np.ndarray], h: float, starts: np.ndarray
     ) -> Signal:
-        """``u + c v``."""
         assert v is not None
         half = u.half if v.half is None else theta[0] * v.half + (0.0 if u.half is None else u.half)
         return Signal(u.mean + theta[0] * v.mean, half, u.at_samples() + theta[0] * v.at_samples())
@@ -170,7 +172,7 @@ class InputCoupling(InputEffect):
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
         """A tenth of this input at the other one's size."""
         assert probe.v is not None
-        return [(0.1 * _size(probe.x) / _size(probe.v),)]
+        return [(0.1 * size_of(probe.x) / size_of(probe.v),)]
 
 
 class InputDeadZone(InputEffect):
@@ -231,7 +233,6 @@ class InputSaturation(InputEffect):
     def transform(
         self, u: Signal, v: Signal | None, theta: Sequence[np.ndarray], h: float, starts: np.ndarray
     ) -> Signal:
-        """``clip(u, -c, c)``."""
         limit = np.maximum(theta[0], 0.0)
         return pointwise(lambda value: np.clip(value, -limit, limit), u)
 
@@ -282,7 +283,6 @@ class InputQuantization(InputEffect):
     def transform(
         self, u: Signal, v: Signal | None, theta: Sequence[np.ndarray], h: float, starts: np.ndarray
     ) -> Signal:
-        """``c round(u / c)``."""
         return pointwise(lambda value: quantize(value, theta[0]), u)
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
@@ -307,7 +307,6 @@ class InputDelay(InputEffect):
     def transform(
         self, u: Signal, v: Signal | None, theta: Sequence[np.ndarray], h: float, starts: np.ndarray
     ) -> Signal:
-        """``u(t - c)``."""
         return delay(u, theta[0], h, starts)
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
@@ -334,9 +333,3 @@ class InputLag(InputEffect):
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
         """0.3 to 30 samples."""
         return times(probe)
-
-
-def _size(signal: np.ndarray) -> float:
-    """Root mean square, 1 where the signal is nil."""
-    size = float(np.sqrt(np.mean(np.square(signal)))) if signal.size else 0.0
-    return size if size > 0 else 1.0

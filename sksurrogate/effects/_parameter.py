@@ -70,7 +70,6 @@ class ParameterDrift(ParameterEffect):
         return _unless_nil(plant, location)
 
     def value(self, p: Any, t: Any, theta: Sequence[Any], width: float) -> Any:
-        """``p (1 + c t)``."""
         return p * (1 + theta[0] * t)
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
@@ -100,7 +99,6 @@ class ParameterDependence(ParameterEffect):
         return (*plant.states, *plant.inputs) if plant.params[location] != 0 else ()
 
     def value(self, p: Any, t: Any, theta: Sequence[Any], width: float, v: Any = 0.0) -> Any:
-        """``p (1 + c v + c2)``."""
         return p * (1 + theta[0] * v + theta[1])
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:

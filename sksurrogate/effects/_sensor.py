@@ -8,7 +8,15 @@ from typing import Any
 import numpy as np
 
 from sksurrogate.effects._effect import Parameter, Probe, SensorEffect, SensorPath
-from sksurrogate.effects._input import delays, levels_inside, neighbouring_steps, quantize, step_sizes, times
+from sksurrogate.effects._input import (
+    delays,
+    levels_inside,
+    neighbouring_steps,
+    quantize,
+    size_of,
+    step_sizes,
+    times,
+)
 from sksurrogate.effects._lattice import LATTICE_STEPS_SPANNED, lattice_steps, shows_steps
 from sksurrogate.kernels.banded import first_order_scan
 from sksurrogate.kernels.sampling import read_between
@@ -168,13 +176,12 @@ class SensorCoupling(SensorEffect):
         return tuple(name for name in plant.outputs if name != location)
 
     def read(self, y: np.ndarray, v: np.ndarray | None, t: np.ndarray, theta: Sequence[Any]) -> np.ndarray:
-        """``y + c v``."""
         return y + theta[0] * v
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
         """A tenth of this output at the other one's size."""
         assert probe.v is not None
-        return [(0.1 * _size(probe.x) / _size(probe.v),)]
+        return [(0.1 * size_of(probe.x) / size_of(probe.v),)]
 
 
 class SensorNonlinearity(SensorEffect):
@@ -188,12 +195,11 @@ class SensorNonlinearity(SensorEffect):
     twins = ("sensor_gain", "sensor_saturation", "quadratic_loss")
 
     def read(self, y: np.ndarray, v: np.ndarray | None, t: np.ndarray, theta: Sequence[Any]) -> np.ndarray:
-        """``y + c y^2``."""
         return y + theta[0] * y * y
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
         """A tenth at the output's size."""
-        return [(0.1 / _size(probe.x),)]
+        return [(0.1 / size_of(probe.x),)]
 
 
 class SensorGain(SensorEffect):
@@ -207,7 +213,6 @@ class SensorGain(SensorEffect):
     twins = ("input_gain", "parameter_error", "sensor_coupling", "sensor_nonlinearity")
 
     def read(self, y: np.ndarray, v: np.ndarray | None, t: np.ndarray, theta: Sequence[Any]) -> np.ndarray:
-        """``(1 + c) y``."""
         return (1 + theta[0]) * y
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
@@ -226,7 +231,6 @@ class SensorBias(SensorEffect):
     twins = ("constant_bias", "input_bias", "sensor_drift")
 
     def read(self, y: np.ndarray, v: np.ndarray | None, t: np.ndarray, theta: Sequence[Any]) -> np.ndarray:
-        """``y + c``."""
         return y + theta[0]
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
@@ -246,7 +250,6 @@ class SensorDrift(SensorEffect):
     twins = ("drift", "sensor_bias", "parameter_drift")
 
     def read(self, y: np.ndarray, v: np.ndarray | None, t: np.ndarray, theta: Sequence[Any]) -> np.ndarray:
-        """``y + c t``."""
         return y + theta[0] * t
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
@@ -268,7 +271,6 @@ class SensorRectification(SensorEffect):
     linear = False
 
     def read(self, y: np.ndarray, v: np.ndarray | None, t: np.ndarray, theta: Sequence[Any]) -> np.ndarray:
-        """``abs(y)``."""
         return np.abs(y)
 
 
@@ -284,7 +286,6 @@ class SensorSaturation(SensorEffect):
     linear = False
 
     def read(self, y: np.ndarray, v: np.ndarray | None, t: np.ndarray, theta: Sequence[Any]) -> np.ndarray:
-        """``min(y, c)``."""
         return np.minimum(y, theta[0])
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
@@ -309,7 +310,6 @@ class SensorQuantization(SensorEffect):
     linear = False
 
     def read(self, y: np.ndarray, v: np.ndarray | None, t: np.ndarray, theta: Sequence[Any]) -> np.ndarray:
-        """``c round(y / c)``."""
         return quantize(y, theta[0])
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
@@ -369,9 +369,3 @@ def ceiling(readings: np.ndarray, noise: float) -> float | None:
     here = np.sum(np.abs(readings - level) < 3.0 * noise)
     below = np.sum((readings > level - 9.0 * noise) & (readings < level - 3.0 * noise))
     return level if here > max(CROWD * below, LEAST_CROWD * len(readings)) else None
-
-
-def _size(signal: np.ndarray) -> float:
-    """Root mean square, 1 where the signal is nil."""
-    size = float(np.sqrt(np.mean(np.square(signal)))) if signal.size else 0.0
-    return size if size > 0 else 1.0

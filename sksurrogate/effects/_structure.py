@@ -11,6 +11,8 @@ import numpy as np
 from sksurrogate.exceptions import SimulatorError
 from sksurrogate.physics._model import PlantModel
 
+#: Random points at which a plant is seen.
+N_POINTS = 12
 #: Push at a port, in its unit: rates are in proportion to it or nearly so, and rounding stays far below what it moves.
 PORT_PUSH = 1e-3
 #: A rate that moves by less than this share of its own size, a unit push, is not moved.
@@ -58,14 +60,14 @@ class Structure:
         return size > 0 and abs(float(a @ b)) > PARALLEL * size
 
 
-def structure_of(model: PlantModel, *, n_points: int = 12, random_state: int = 0) -> Structure:
+def structure_of(model: PlantModel) -> Structure:
     """Look at a plant with a right-hand side or a step."""
     model = _with_rates(model)
     plant = model.plant
-    gain = rate_gains(model, n_points=n_points, random_state=random_state)
-    at_once = _at_once(model, gain, n_points, random_state)
-    speed_of = integrals(model, n_points=n_points, random_state=random_state)
-    t, x, u = _points(model, n_points, random_state)
+    gain = rate_gains(model)
+    at_once = _at_once(model, gain)
+    speed_of = integrals(model)
+    t, x, u = _points(model)
     rate = np.max(np.abs(np.nan_to_num(_rates(model, t, x, u))), axis=1, initial=0.0)
     kinematic = [plant.states.index(name) for name in speed_of]
     moved, constant = _moves(gain, rate, kinematic)
@@ -96,7 +98,7 @@ def _moves(
     return moved, moved & (spread <= CONSTANT * size)
 
 
-def _at_once(model: PlantModel, gain: np.ndarray, n_points: int, random_state: int) -> np.ndarray | None:
+def _at_once(model: PlantModel, gain: np.ndarray) -> np.ndarray | None:
     """Gains of the rates at the beginning of a step, where the step is that of a solver; None with a right-hand side.
 
     Within a step what enters has moved other states already. Where the plant is nearly linear over the step, the mean gain
@@ -105,12 +107,12 @@ def _at_once(model: PlantModel, gain: np.ndarray, n_points: int, random_state: i
     plant = model.plant
     if plant.access != "step" or not gain.size:
         return None
-    t, x, u = _points(model, n_points, random_state)
+    t, x, u = _points(model)
     n = len(plant.states)
     pushes = PORT_PUSH * np.eye(n)[:, :, None]
     columns = np.concatenate([x[:, None] + pushes, x[:, None] - pushes], axis=1)
-    entering = np.concatenate([u, np.zeros((len(plant.further_ports), n_points))])
-    held = np.broadcast_to(entering[:, None], (len(entering), 2 * n, n_points))
+    entering = np.concatenate([u, np.zeros((len(plant.further_ports), N_POINTS))])
+    held = np.broadcast_to(entering[:, None], (len(entering), 2 * n, N_POINTS))
     with np.errstate(all="ignore"):
         after = model.step(t, columns, held, plant.dt)
         J = (after[:, :n] - after[:, n:]).transpose(2, 0, 1) / (2 * PORT_PUSH) - np.eye(n)
@@ -121,25 +123,25 @@ def _at_once(model: PlantModel, gain: np.ndarray, n_points: int, random_state: i
     return np.where(small, np.linalg.solve(mean, np.nan_to_num(gain).transpose(2, 0, 1)).transpose(1, 2, 0), np.nan)
 
 
-def kinematic_states(model: PlantModel, *, n_points: int = 12, random_state: int = 0) -> tuple[str, ...]:
+def kinematic_states(model: PlantModel) -> tuple[str, ...]:
     """States whose balance is an identity ``dq/dt = v`` with another state, seen at random points or declared (``kinematic``).
 
     No effect can be missing there: a position changes with its speed, whatever else is wrong.
     """
-    found = integrals(model, n_points=n_points, random_state=random_state)
+    found = integrals(model)
     return tuple(name for name in model.plant.states if name in found)
 
 
-def motions(model: PlantModel, *, n_points: int = 12, random_state: int = 0) -> dict[str, str]:
+def motions(model: PlantModel) -> dict[str, str]:
     """What states are in a motion: "speed" where another state is the integral of one, "position" where it is such an integral
     and no speed itself; other states are missing.
     """
-    found = integrals(model, n_points=n_points, random_state=random_state)
+    found = integrals(model)
     speeds = {speed for speed in found.values() if speed is not None}
     return {**dict.fromkeys(found, "position"), **dict.fromkeys(speeds, "speed")}
 
 
-def rate_gains(model: PlantModel, *, n_points: int = 12, random_state: int = 0) -> np.ndarray:
+def rate_gains(model: PlantModel) -> np.ndarray:
     """Change of the rate of every state by a unit of what enters at every port, (n_states, n_ports, n_points).
 
     By differences, at random states; nan where the plant has no rate there, or gives trajectories only.
@@ -148,12 +150,12 @@ def rate_gains(model: PlantModel, *, n_points: int = 12, random_state: int = 0) 
     plant = model.plant
     n, m = len(plant.states), len(plant.ports)
     if plant.access == "trajectory" or not m or not n:
-        return np.zeros((n, m, n_points))
-    t, x, u = _points(model, n_points, random_state)
-    entering = np.concatenate([u, np.zeros((len(plant.further_ports), n_points))])
+        return np.zeros((n, m, N_POINTS))
+    t, x, u = _points(model)
+    entering = np.concatenate([u, np.zeros((len(plant.further_ports), N_POINTS))])
     pushes = PORT_PUSH * np.eye(m)[:, :, None]
     columns = np.concatenate([entering[:, None] + pushes, entering[:, None] - pushes], axis=1)
-    many = np.broadcast_to(x[:, None], (n, 2 * m, n_points))
+    many = np.broadcast_to(x[:, None], (n, 2 * m, N_POINTS))
     rates = _rates(model, t, many, columns)
     with np.errstate(all="ignore"):
         return (rates[:, :m] - rates[:, m:]) / (2 * PORT_PUSH)
@@ -173,21 +175,21 @@ def _with_rates(model: PlantModel) -> PlantModel:
     return PlantModel(replace(plant, access="rhs")) if both else model
 
 
-def _points(model: PlantModel, n_points: int, random_state: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _points(model: PlantModel) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Times, states and inputs about the initial state; half of the states not negative, as levels and concentrations are;
     inputs from the recorded range where it is known.
     """
     plant = model.plant
-    n, random = len(plant.states), np.random.default_rng(random_state)
+    n, random = len(plant.states), np.random.default_rng(0)
     size = np.maximum(np.abs(plant.x0), 1.0)[:, None]
-    x = plant.x0[:, None] + size * random.normal(size=(n, n_points))
-    x[:, n_points // 2 :] = np.abs(x[:, n_points // 2 :])
+    x = plant.x0[:, None] + size * random.normal(size=(n, N_POINTS))
+    x[:, N_POINTS // 2 :] = np.abs(x[:, N_POINTS // 2 :])
     if plant.input_range is None:
-        u = np.abs(random.normal(size=(len(plant.inputs), n_points)))
+        u = np.abs(random.normal(size=(len(plant.inputs), N_POINTS)))
     else:
         low, high = plant.input_range[:, :, None]
-        u = low + (high - low) * random.uniform(size=(len(low), n_points))
-    return np.linspace(0.0, 10 * plant.dt, n_points), x, u
+        u = low + (high - low) * random.uniform(size=(len(low), N_POINTS))
+    return np.linspace(0.0, 10 * plant.dt, N_POINTS), x, u
 
 
 def _rates(model: PlantModel, t: np.ndarray, x: np.ndarray, u: np.ndarray) -> np.ndarray:
@@ -199,7 +201,7 @@ def _rates(model: PlantModel, t: np.ndarray, x: np.ndarray, u: np.ndarray) -> np
         return (model.step(t, x, u, dt) - x) / dt
 
 
-def integrals(model: PlantModel, *, n_points: int = 12, random_state: int = 0) -> dict[str, str | None]:
+def integrals(model: PlantModel) -> dict[str, str | None]:
     """Kinematic states and the state that each is the integral of.
 
     With a right-hand side the rate is the other state. A step may be taken anyhow: over a short one the mean rate is the
@@ -211,7 +213,7 @@ def integrals(model: PlantModel, *, n_points: int = 12, random_state: int = 0) -
     if plant.access == "trajectory":
         return {}
     if n > 1:
-        t, x, u = _points(model, n_points, random_state)
+        t, x, u = _points(model)
         with np.errstate(all="ignore"):
             if plant.access == "rhs":
                 same = _identical(model.derivative(t, x, u), x, 1e-12)

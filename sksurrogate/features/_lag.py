@@ -26,21 +26,13 @@ from sksurrogate.runs import Runs, resolve_runs
 _LAG_ROWS, _SHARED_NUMBERS = 65_536, 4_000_000
 
 
-def lag_columns(
-    values: np.ndarray,
-    columns: Sequence[tuple[int, int]],
-    fill: str | float = "edge",
-    out: np.ndarray | None = None,
-) -> np.ndarray:
-    """Lagged columns of one run: ``out[t, i] = values[t - lag_i, column_i]``.
+def lag_columns(values: np.ndarray, columns: Sequence[tuple[int, int]]) -> np.ndarray:
+    """Lagged columns of one run: ``out[t, i] = values[t - lag_i, column_i]``; before the first row its value.
 
     ``values`` (n_samples, n_columns).
-    ``fill``: before the first row: its value, nan, or a number.
-    ``out``: where to write; fastest with contiguous columns.
     """
-    if out is None:
-        out = np.empty((len(values), len(columns)), order="F")
-    _shift(values, columns, np.zeros(1, int), _edges(values[:1], fill), out)
+    out = np.empty((len(values), len(columns)), order="F")
+    _shift(values, columns, np.zeros(1, int), values[:1], out)
     return out
 
 

@@ -221,14 +221,3 @@ class BlockTridiagonal:
         columns = np.asfortranarray(b.reshape(-1, n_samples * n).T)
         solution, _ = dpbtrs(self._factor, columns, lower=1)
         return solution.T.reshape(-1, n_samples, n)
-
-    def half_solve(self, b: np.ndarray) -> np.ndarray:
-        """``L'^-1 b``: turns unit normal draws ``b`` (n_columns, n_samples, n) into draws with the inverse as covariance."""
-        n_samples, n = self._shape
-        columns = np.asfortranarray(b.reshape(-1, n_samples * n).T)
-        solution, _ = dtbtrs(self._factor, columns, uplo="L", trans="T")
-        return solution.T.reshape(-1, n_samples, n)
-
-    def log_determinant(self) -> float:
-        """Logarithm of the determinant."""
-        return 2.0 * float(np.sum(np.log(self._factor[0])))

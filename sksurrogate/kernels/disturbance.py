@@ -259,12 +259,11 @@ class Disturbance:
         flat, half = self._whitened(factor, self.at_measured(r), noise)
         return flat @ flat.T - half @ half.T, float(np.sum(self._log_det(factor, noise)))
 
-    def gram_each(self, r: np.ndarray, blocks: Iterable[np.ndarray], noise: Noise) -> Iterator[np.ndarray]:
-        """The matrix of :meth:`gram` of columns r with each block of further columns beside them, from one factor."""
-        return self.grams_beside(r, noise)(blocks)
-
     def grams_beside(self, r: np.ndarray, noise: Noise) -> Callable[[Iterable[np.ndarray]], Iterator[np.ndarray]]:
-        """:meth:`gram_each` of any blocks: the factor and what belongs to columns r alone are computed once."""
+        """The matrix of :meth:`gram` of columns r with each block of further columns beside them.
+
+        The factor, and what belongs to columns r alone, are computed once.
+        """
         steps = self._steps(self.factor(noise), noise)
 
         def product(a: tuple[np.ndarray, ...], b: tuple[np.ndarray, ...]) -> np.ndarray:

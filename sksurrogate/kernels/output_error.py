@@ -30,6 +30,8 @@ LARGEST_START_STEP = 10.0
 NEWTON_CLOSED = 1e-9
 #: Open steps end where parameters and trajectory move by less than this share of their size.
 OPEN_STEPS_SETTLED = 1e-3
+#: Newton steps in which hidden states settle along a trajectory.
+SETTLING_STEPS = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +62,7 @@ class Fit:
     linearised: Linearised | None
 
 
-def settle_hidden(model: FreeRunModel, theta: np.ndarray, x: np.ndarray, steps: int = 8) -> np.ndarray:
+def settle_hidden(model: FreeRunModel, theta: np.ndarray, x: np.ndarray) -> np.ndarray:
     """Fill in hidden states along a given nominal trajectory: Newton in time on their rows alone."""
     n, m, starts = model.n_states, model.n_nominal, model.record.starts
     if n == m:
@@ -71,7 +73,7 @@ def settle_hidden(model: FreeRunModel, theta: np.ndarray, x: np.ndarray, steps: 
     first = bound.start(x[:m, None, starts])
     out[m:] = np.repeat(first[m:, 0], model.record.lengths, axis=1)
     dx = DIFFERENCE * model.scale[m:]
-    for _ in range(steps):
+    for _ in range(SETTLING_STEPS):
         columns = np.repeat(out[:, None, :], 1 + n - m, axis=1)
         for j in range(n - m):
             columns[m + j, 1 + j] += dx[j]

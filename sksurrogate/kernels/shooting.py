@@ -13,6 +13,8 @@ from sksurrogate.kernels.net import LagNet
 from sksurrogate.kernels.newton import adjoint_gradient, newton_runs, sensitivities
 from sksurrogate.kernels.rollout import known_sums, runs_at_once
 
+#: Steps of Adam.
+ADAM_STEPS = 200
 #: Steps of Levenberg-Marquardt after which starts are compared.
 SHORT = 15
 #: Rows on which the basin is looked for at most: it is wide, and the end is found on all.
@@ -177,7 +179,7 @@ def descend(
 
 
 def fit_free_run(
-    loss: FreeRunLoss, starts: Sequence[LagNet], adam_steps: int = 200, max_iter: int = 200, tol: float = 1e-6
+    loss: FreeRunLoss, starts: Sequence[LagNet], max_iter: int = 200, tol: float = 1e-6
 ) -> tuple[LagNet, float]:
     """Adam, then Levenberg-Marquardt; a model without hidden layers needs no Adam.
 
@@ -189,8 +191,8 @@ def fit_free_run(
     loss : FreeRunLoss
     starts : sequence of LagNet
         Starting weights; their free runs must be finite.
-    adam_steps, max_iter : int
-        Steps of either at most.
+    max_iter : int
+        Steps of Levenberg-Marquardt at most.
     tol : float
         Relative decrease below which Levenberg-Marquardt stops.
 
@@ -201,9 +203,9 @@ def fit_free_run(
     """
     some = loss.some(BASIN_ROWS)
     if len(starts) == 1:
-        best = adam(some, starts[0], adam_steps) if starts[0].net.activations else starts[0]
+        best = adam(some, starts[0], ADAM_STEPS) if starts[0].net.activations else starts[0]
     else:
-        tried = [levenberg_marquardt(some, adam(some, start, adam_steps // 2), SHORT, tol) for start in starts]
+        tried = [levenberg_marquardt(some, adam(some, start, ADAM_STEPS // 2), SHORT, tol) for start in starts]
         tried.sort(key=lambda found: found[1])
         finite = (model for model, _ in tried if some is loss or np.isfinite(loss.value(model, loss.run(model))))
         best = next(finite, tried[0][0])

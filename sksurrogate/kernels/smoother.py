@@ -81,8 +81,6 @@ class Smoothed:
     Attributes
     ----------
     x : ndarray (n_states, n_samples)
-    defects : ndarray (n_states, n_samples)
-        ``F(x_k) - x_{k+1}`` in row k, 0 in the last row of a run.
     allowance : ndarray (n_states,)
         RMS defect of every state.
     A : ndarray (n_states, n_states, n_samples)
@@ -90,7 +88,6 @@ class Smoothed:
     """
 
     x: np.ndarray
-    defects: np.ndarray
     allowance: np.ndarray
     A: np.ndarray
 
@@ -165,7 +162,7 @@ def smooth(
         if not (np.all(np.isfinite(after)) and np.all(np.isfinite(A)) and np.all(np.isfinite(g))):
             break
         d = _defects(after, x, ends)
-        best = Smoothed(x, d, np.sqrt(np.sum((d / part) ** 2, axis=1) / n_inner), A)
+        best = Smoothed(x, np.sqrt(np.sum((d / part) ** 2, axis=1) / n_inner), A)
         if iteration == max_iterations - 1:
             break
         allowed = 1.0 / (q[:, None] * part) ** 2

@@ -248,7 +248,6 @@ def raise_if_diverged(
     X: np.ndarray,
     t: np.ndarray,
     states: tuple[str, ...],
-    labels: list[object] | None = None,
     said: str = "",
     remedy: str = REMEDY,
 ) -> None:
@@ -262,7 +261,7 @@ def raise_if_diverged(
     run = int(np.flatnonzero(bad.any(axis=(1, 2)))[0])
     row = int(np.flatnonzero(bad[run].any(axis=1))[0])
     state = states[int(np.flatnonzero(bad[run, row])[0])]
-    label = labels[run] if labels is not None else (run if len(X) > 1 else None)
+    label = run if len(X) > 1 else None
     where = "" if label is None else f"run {label!r}, "
     raise SimulationDiverged(
         f"the simulation became infinite or nan: {where}row {row}, t = {t[row]:g}, state {state!r}. {remedy}{said}",

@@ -112,5 +112,5 @@ def test_one_factor_serves_all_blocks():
     _problem, null = left_by_the_null(0.08, 0.05, 0)
     D, rng = null.candidate.disturbance, np.random.default_rng(0)
     r, *blocks = (rng.normal(size=(1, k, RUNS * N)) for k in (2, 3, 1))
-    for block, G in zip(blocks, D.gram_each(r, blocks, null.noise)):
+    for block, G in zip(blocks, D.grams_beside(r, null.noise)(blocks)):
         assert np.allclose(G, D.gram(np.concatenate([r, block], axis=1), null.noise)[0], rtol=1e-8, atol=1e-8)

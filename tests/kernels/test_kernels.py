@@ -56,7 +56,6 @@ def test_block_tridiagonal_equals_dense():
     T = BlockTridiagonal(diagonal, lower)
     b = RNG.normal(size=(1, n, m))
     np.testing.assert_allclose(T.solve(b).ravel(), np.linalg.solve(M, b.ravel()))
-    assert T.log_determinant() == pytest.approx(np.linalg.slogdet(M)[1])
 
 
 @pytest.mark.parametrize("width", [1, 3, 5, 6])
@@ -176,7 +175,7 @@ def test_rows_and_diagonal_are_those_of_the_whole_gram(monkeypatch):
     np.testing.assert_allclose(rows, whole[:2], atol=1e-9)
     np.testing.assert_allclose(diagonal, np.diag(whole), atol=1e-9)
     known, *blocks = np.split(r.transpose(1, 0, 2), [2, 3, 6, 8], axis=1)
-    for block, G in zip(blocks, model.gram_each(known, iter(blocks), noise), strict=True):
+    for block, G in zip(blocks, model.grams_beside(known, noise)(iter(blocks)), strict=True):
         np.testing.assert_allclose(G, model.gram(np.concatenate([known, block], axis=1), noise)[0], atol=1e-9)
 
 

@@ -52,7 +52,7 @@ def test_all_forms_of_the_gram_agree_and_do_not_see_what_was_not_measured():
     rows, diagonal = model.gram_rows(other.transpose(1, 0, 2), noise, 2)
     np.testing.assert_allclose(rows, G[:2], rtol=1e-8, atol=1e-8)
     np.testing.assert_allclose(diagonal, np.diag(G), rtol=1e-8)
-    (each,) = model.gram_each(other[:, :2], [other[:, 2:]], noise)
+    (each,) = model.grams_beside(other[:, :2], noise)([other[:, 2:]])
     np.testing.assert_allclose(each, G, rtol=1e-9)
 
 
