@@ -1,7 +1,7 @@
 """Is a hybrid ever worse than its simulator? Free runs on runs (blocks) left out, recordings and withheld effects.
 
 Run: ``OMP_NUM_THREADS=1 SKSURROGATE_DATA=FOLDER python tests/benchmarks/bench_hybrids.py [--forms output static ...]
-[--cases N] [--skip-recordings]``. A recording of several runs is split into even and odd runs, one of a single run into halves; each
+[--cases N] [--first K] [--skip-recordings]``. A recording of several runs is split into even and odd runs, one of a single run into halves; each
 half is predicted by a hybrid that was fitted to the other, from its first rows. The synthetic cases are those of
 ``sksurrogate.blind``: the hybrid learns from the recorded runs and predicts the test runs. Ratio: RMSE of the hybrid over that of
 the simulator from the same start, those first rows left out.
@@ -68,6 +68,7 @@ def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("--forms", nargs="+", default=["output"])
     parser.add_argument("--cases", type=int, default=30)
+    parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--names", nargs="*", default=list(NAMES))
     parser.add_argument("--skip-recordings", action="store_true")
     options = parser.parse_args()
@@ -77,7 +78,7 @@ def main():
         one = problem(name)
         a, b = halves(one)
         questions += [(f"{name} 1", one.simulator, a, b), (f"{name} 2", one.simulator, b, a)]
-    for seed in range(options.cases):
+    for seed in range(options.first, options.first + options.cases):
         name, simulator, train, test = synthetic(seed)
         questions.append((f"{seed} {ARMS[seed % len(ARMS)]} {name}", simulator, train, test))
     for form in options.forms:

@@ -1,10 +1,11 @@
 """How well is a missing term found as a formula: published systems with one term deleted, against peers, and recordings.
 
-Run: ``python tests/benchmarks/bench_laws.py systems [NAME ...]``, ``... false [NAME ...]`` (the same systems with nothing
-deleted, half of them under a coloured disturbance) or ``... recordings [NAME ...]`` (data below ``SKSURROGATE_DATA``; long
-records are cut to ``ROWS`` rows). A term is recovered where the R2 of the formula against the true term, along runs that nobody
-fitted, is at least 0.99. The peers of ``law_peers.py`` (pysindy, gplearn) see the same runs; one that is not installed is nan.
-Recordings are diagnosed with and without the accepted names: the law should close most of what the name closes.
+Run: ``python tests/benchmarks/bench_laws.py systems [NAME ...]``, ``... peers [NAME ...]`` (the peers alone),
+``... false [NAME ...]`` (the same systems with nothing deleted, half of them under a coloured disturbance) or
+``... recordings [NAME ...]`` (data below ``SKSURROGATE_DATA``; long records are cut to ``ROWS`` rows). A term is recovered where
+the R2 of the formula against the true term, along runs that nobody fitted, is at least 0.99. The peers of ``law_peers.py`` (pysindy,
+gplearn) see the same runs; one that is not installed is nan. Recordings are diagnosed with and without the accepted names: the law
+should close most of what the name closes.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from __future__ import annotations
 import sys
 import time
 import warnings
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -78,27 +80,53 @@ def first_rows(one: Any) -> Any:
     return one if counts.max() <= most else replace(one, X=one.X[kept], y=one.y[kept], groups=one.groups[kept])
 
 
-def systems(names: list[str]) -> None:
-    """Every system in a line, then the counts."""
-    rows = []
+def questions(names: list[str]) -> Iterator[tuple[str, System, np.ndarray, np.ndarray, np.ndarray]]:
+    """Name, system, runs, noise, and states along fresh runs (n_states, n_samples)."""
     for name in names or list(SYSTEMS):
         system = SYSTEMS[name]
         runs, fresh = runs_of(system, RUNS, 1), runs_of(system, FRESH, 2).reshape(-1, len(system.states)).T
-        noise = NOISE * runs.std(axis=(0, 1)) * np.random.default_rng(3).normal(size=runs.shape)
-        found, text, seconds = by_law(system, runs, noise, fresh)
-        Z, left = residual(system, runs + noise)
-        truth = system.term(fresh)
-        started = time.process_time()
-        peers = {peer: best_of(peer, Z, left, fresh.T, truth) for peer in PEERS}
-        rows.append((found, *peers.values()))
-        said = ", ".join(f"{peer} {value:.4f}" for peer, value in peers.items())
-        print(
-            f"{name}: R2 {found:.4f} [{text}], {seconds:.1f} s; {said}, {time.process_time() - started:.1f} s",
-            flush=True,
+        yield (
+            name,
+            system,
+            runs,
+            NOISE * runs.std(axis=(0, 1)) * np.random.default_rng(3).normal(size=runs.shape),
+            fresh,
         )
-    for name, values in zip(("law", *PEERS), zip(*rows)):
-        counts = (sum(value >= bar for value in values) for bar in (0.99, 0.999))
-        print("{}: R2 of 0.99 in {}, of 0.999 in {} of {}".format(name, *counts, len(values)))
+
+
+def by_peers(system: System, runs: np.ndarray, noise: np.ndarray, fresh: np.ndarray) -> dict[str, float]:
+    """R2 of every peer of ``law_peers.py``."""
+    Z, left = residual(system, runs + noise)
+    return {peer: best_of(peer, Z, left, fresh.T, system.term(fresh)) for peer in PEERS}
+
+
+def counted(rows: list[dict[str, float]]) -> None:
+    """How many terms each recovers."""
+    for way in rows[0]:
+        counts = (sum(row[way] >= bar for row in rows) for bar in (0.99, 0.999))
+        print("{}: R2 of 0.99 in {}, of 0.999 in {} of {}".format(way, *counts, len(rows)))
+
+
+def systems(names: list[str]) -> None:
+    """Every system in a line, then the counts."""
+    rows = []
+    for name, *question in questions(names):
+        found, text, seconds = by_law(*question)
+        rows.append({"law": found, **by_peers(*question)})
+        said = ", ".join(f"{way} {value:.4f}" for way, value in rows[-1].items())
+        print(f"{name}: {said} [{text}], {seconds:.1f} s", flush=True)
+    counted(rows)
+
+
+def peers(names: list[str]) -> None:
+    """The peers alone."""
+    rows = []
+    for name, *question in questions(names):
+        started = time.process_time()
+        rows.append(by_peers(*question))
+        said = ", ".join(f"{way} {value:.4f}" for way, value in rows[-1].items())
+        print(f"{name}: {said}, {time.process_time() - started:.1f} s", flush=True)
+    counted(rows)
 
 
 def false(names: list[str]) -> None:
@@ -148,4 +176,4 @@ def recordings(names: list[str]) -> None:
 if __name__ == "__main__":
     warnings.simplefilter("ignore")
     what, *asked = sys.argv[1:] or ["systems"]
-    {"systems": systems, "false": false, "recordings": recordings}[what](asked)
+    {"systems": systems, "peers": peers, "false": false, "recordings": recordings}[what](asked)
