@@ -85,7 +85,7 @@ class GapDiagnoser(BaseEstimator):
         1 shows the stage, the share that is done and an estimate of the remaining time: as a bar on a terminal (with rich, extra
         ``plot``), otherwise as lines on the error stream.
     random_state : int, RandomState or None, default=None
-        Seed of the bootstrap and the forests.
+        Seed of the bootstrap.
 
     Attributes
     ----------

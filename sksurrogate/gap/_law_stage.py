@@ -8,13 +8,13 @@ from sksurrogate.effects._simulator import AugmentedSimulator
 from sksurrogate.gap._state import DiagnosisState
 from sksurrogate.gap.decide._held_out import HeldOut
 from sksurrogate.gap.decide._law_certificate import CertifiedLaw, law_of
-from sksurrogate.gap.decide._one_curve import driver_of
 from sksurrogate.gap.decide._rules import first_rule
 from sksurrogate.gap.fit._closeness import NEARLY_WHITE
 from sksurrogate.gap.fit._evidence import C, Evidence
 from sksurrogate.gap.fit._known_parameters import value_of
 from sksurrogate.gap.results._law import Law
 from sksurrogate.gap.search._stopping import STACK
+from sksurrogate.gap.unnamed._law_evidence import place_and_signal
 
 #: Said of names that one law does without, and of so many that leave more than the tolerance.
 INSTEAD = "{names} passed the evidence, but one law without a name explains the gap better than all of them; no name is given."
@@ -48,7 +48,7 @@ class LawStage(DiagnosisState[C]):
     def names_may_imitate(self, verdict: str) -> bool:
         """Whether one effect without a name may be behind all names: a stack, or names of several places or signals that leave more than noise."""
         effects = self.final.effects
-        apart = len({driver_of(effect) for effect in effects}) > 1 and self.final.left > NEARLY_WHITE
+        apart = len({place_and_signal(effect) for effect in effects}) > 1 and self.final.left > NEARLY_WHITE
         return verdict in ("explained", "partial") and (len(effects) >= STACK or apart)
 
     def law_in_place_of_names(self, held: HeldOut) -> CertifiedLaw | None:

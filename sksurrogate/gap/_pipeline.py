@@ -129,7 +129,7 @@ class DiagnosisPipeline(LawStage[C]):
         null, alone = self.null, self.null.candidate.untuned()
         nominal = None if alone is None else estimate_noise(alone, null.noise)
         gain = np.inf if nominal is None else 2.0 * (null.log_likelihood - nominal.log_likelihood)
-        self.found.retuned = bool(gain > self.search.bar(len(self.problem.free)))
+        self.found.retuned = bool(gain > self.search.threshold(len(self.problem.free)))
 
     def find_equivalents(self) -> None:
         """What could stand in the place of each name; then what stands is settled."""

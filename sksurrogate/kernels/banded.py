@@ -57,9 +57,8 @@ def solve_recursion(band: np.ndarray, b: np.ndarray) -> np.ndarray:
     array([[[1.  , 0.5 , 0.25]]])
     """
     n, n_columns, n_samples = b.shape
-    columns = np.array(b.transpose(1, 2, 0), order="C").reshape(
-        n_columns, n_samples * n
-    )  # a copy, to be solved in place
+    # a copy, to be solved in place
+    columns = np.array(b.transpose(1, 2, 0), order="C").reshape(n_columns, n_samples * n)
     solution, info = dtbtrs(band, columns.T, uplo="L", diag="U", overwrite_b=1)
     if info != 0:
         raise FloatingPointError(f"dtbtrs: argument {-info} is illegal")

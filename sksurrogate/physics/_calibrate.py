@@ -321,9 +321,8 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
                 y = checked if whole is y else y
             except ValueError as error:
                 if "NaN" in str(error) or "infinity" in str(error):
-                    resolve_runs(
-                        X, y, run=self.run, time=self.time, allow_uneven=True, unmeasured=True
-                    )  # names the row
+                    # names the row
+                    resolve_runs(X, y, run=self.run, time=self.time, allow_uneven=True, unmeasured=True)
                 raise
         return resolve_runs(
             X,

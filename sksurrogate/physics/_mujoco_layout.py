@@ -146,9 +146,8 @@ def _actuators(model: Any) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Names of controls and activations."""
     controls, activations = [""] * model.nu, [""] * model.na
     count = len(model.actuator_trntype)
-    several = getattr(
-        model, "actuator_ctrlnum", np.ones(count, dtype=int)
-    )  # one control an actuator before MuJoCo 3.15
+    # one control an actuator before MuJoCo 3.15
+    several = getattr(model, "actuator_ctrlnum", np.ones(count, dtype=int))
     firsts = getattr(model, "actuator_ctrladr", np.arange(count))
     for i in range(count):
         name = name_of(model, "actuator", i)

@@ -33,7 +33,7 @@ def shortfalls(search):
         for key, level in best.items():
             added = sum(len(e.parameters) for e in candidate.effects if e.key not in key)
             if key < frozenset(candidate.keys):
-                yield level - 0.5 * search.bar(added) - search.evidence(candidate)
+                yield level - 0.5 * search.threshold(added) - search.evidence(candidate)
 
 
 def leaking(t):

@@ -7,7 +7,8 @@ import pytest
 
 from sksurrogate.effects import CATALOGUE
 from sksurrogate.gap.decide import _one_curve
-from sksurrogate.gap.decide._one_curve import driver_of, redundant_effect
+from sksurrogate.gap.decide._one_curve import redundant_effect
+from sksurrogate.gap.unnamed._law_evidence import place_and_signal
 
 V = np.linspace(0.5, 2.0, 80)
 
@@ -62,4 +63,8 @@ def test_effects_of_two_signals_may_cancel_each_other(monkeypatch):
 
 
 def test_an_input_effect_is_driven_by_its_input():
-    assert driver_of(CATALOGUE["input_curve"]("u")) == ("u", "u") == driver_of(CATALOGUE["linear_loss"]("u", "u"))
+    assert (
+        place_and_signal(CATALOGUE["input_curve"]("u"))
+        == ("u", "u")
+        == place_and_signal(CATALOGUE["linear_loss"]("u", "u"))
+    )

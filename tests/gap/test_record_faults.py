@@ -86,6 +86,7 @@ def test_the_pages_tell_the_record(spiky):
     assert entry["kind"] == "spikes" and entry["rows"] == list(spiky.data[0].rows)
     assert pickle.loads(pickle.dumps(spiky)).data == spiky.data
     assert spiky.data.table()[0]["readings"] == len(spiky.data[0].rows)
+    assert spiky.to_frame("data")["kind"].tolist() == ["spikes"]
 
 
 # ---- faults of runs --------------------------------------------------------------------------------------------------

@@ -21,9 +21,9 @@ def test_each_fold_of_few_runs_elects_what_the_others_choose(monkeypatch, runs):
     picks = [None, *[0] * (runs - 1)]
     monkeypatch.setattr(_choice_by_fold, "by_run", lambda candidate, *rest: candidate)
     monkeypatch.setattr(_choice_by_fold, "chosen_without", lambda first, others, *rest: picks)
-    found = _choice_by_fold.elected(search, [("first", [], 0.0), ("other", [], 0.0)])
+    found = _choice_by_fold.choices_by_fold(search, [("first", [], 0.0), ("other", [], 0.0)])
     assert found == ["first", *["other"] * (runs - 1)]
-    assert _choice_by_fold.elected(search, [("first", [], 0.0)]) == ["first"] * runs
+    assert _choice_by_fold.choices_by_fold(search, [("first", [], 0.0)]) == ["first"] * runs
 
 
 def test_an_effect_that_breaks_the_arithmetic_from_every_start_is_no_candidate(monkeypatch):

@@ -9,14 +9,14 @@ import numpy as np
 
 from sksurrogate.gap.decide._equivalence import Slot
 from sksurrogate.gap.fit._backend import BaseCandidate
-from sksurrogate.gap.fit._evidence import C, Evidence, bar, judged_under
+from sksurrogate.gap.fit._evidence import C, Evidence, evidence_threshold, judged_under
 from sksurrogate.gap.fit._linear_set import linear_set
 from sksurrogate.gap.fit._record_parts import blocked, run_folds
 from sksurrogate.gap.search._base import CORRELATED, BaseSearch
 from sksurrogate.kernels.disturbance import Noise
 
-#: Candidates that stand for election again in every fold, the best on all runs.
-MOST_ELECTED = 8
+#: Candidates that are compared again in every fold, the best on all runs.
+MOST_CHOICES = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,9 +26,8 @@ class ByRun:
     #: (n_runs, 1 + n_theta, 1 + n_theta): of the residual and its sensitivities, under the candidate's noise
     grams: np.ndarray
     log_dets: np.ndarray  #: (n_runs,)
-    likelihood: Callable[
-        [np.ndarray, float], float
-    ]  #: Log likelihood of a Gram and a log determinant, parameters at their best
+    #: Log likelihood of a Gram and a log determinant, parameters at their best
+    likelihood: Callable[[np.ndarray, float], float]
     prior: float  #: What its values cost before any data (-2 log p)
     n_parameters: int
 
@@ -83,7 +82,7 @@ def chosen_without(
         level = own.worth(kept, n_values, by_size) if kept.any() else np.inf
         gains = [
             2.0 * (candidate.worth(kept, n_values, by_size) - level)
-            - bar(1 + max(candidate.n_parameters - own.n_parameters, 0), n_candidates, n_values)
+            - evidence_threshold(1 + max(candidate.n_parameters - own.n_parameters, 0), n_candidates, n_values)
             for candidate in candidates
         ]
         best = int(np.argmax(gains)) if gains else -1
@@ -100,21 +99,23 @@ def names_by_fold(search: BaseSearch[C], final: Evidence[C], slots: Sequence[Slo
     named = final.candidate
     others = _others(search, named, slots)
     known = [[noise for noise in (search.noise_of(one), final.noise) if noise is not None] for one in others]
-    return elected(search, [(named, [final.noise], 0.0), *((one, noises, 0.0) for one, noises in zip(others, known))])
+    return choices_by_fold(
+        search, [(named, [final.noise], 0.0), *((one, noises, 0.0) for one, noises in zip(others, known))]
+    )
 
 
-def elected(search: BaseSearch[C], entrants: Sequence[tuple[C, Sequence[Noise], float]]) -> list[C]:
+def choices_by_fold(search: BaseSearch[C], choices: Sequence[tuple[C, Sequence[Noise], float]]) -> list[C]:
     """Of each fold of runs the candidate that the others choose; the first stands unless they reject it.
 
-    Entrants are candidates with the noises that they may have, and a price (-2 log p) beside that of their values.
+    ``choices`` are candidates with the noises that they may have, and a price (-2 log p) beside that of their values.
     """
     record = blocked(search.problem.record)
-    fold, candidates = run_folds(record), [candidate for candidate, _, _ in entrants]
+    fold, candidates = run_folds(record), [candidate for candidate, _, _ in choices]
     n_folds = len(np.unique(fold))
     if len(candidates) < 2 or n_folds < 2:
         return [candidates[0]] * n_folds
     by_size = all(search.is_far(candidate) for candidate in candidates)
-    runs = [by_run(c, noises, record.starts, by_size, search.prior_cost(c) + price) for c, noises, price in entrants]
+    runs = [by_run(c, noises, record.starts, by_size, search.prior_cost(c) + price) for c, noises, price in choices]
     picks = chosen_without(runs[0], runs[1:], fold, record.counts.sum(axis=1), len(search.library), by_size)
     return [candidates[0 if pick is None else 1 + pick] for pick in picks]
 
@@ -133,4 +134,4 @@ def _others(search: BaseSearch[C], final: C, slots: Sequence[Slot[C]]) -> list[C
         if len(names) == len(keys) and len(names & keys) == len(keys) - 1 and names not in same
     ]
     found = [candidate for candidate in found if np.isfinite(search.score(candidate))]
-    return sorted(found, key=search.order([final, *found]), reverse=True)[:MOST_ELECTED]
+    return sorted(found, key=search.order([final, *found]), reverse=True)[:MOST_CHOICES]

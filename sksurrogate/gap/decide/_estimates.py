@@ -126,7 +126,7 @@ def ranking(search: BaseSearch[C], final: Evidence[C]) -> Table:
             "location": effect.location,
             "variable": effect.variable,
             "evidence": search.gain(fit) if fit is not None else float("nan"),
-            "bar": search.bar(len(effect.parameters)),
+            "bar": search.threshold(len(effect.parameters)),
             "cost": fit.fit.cost if fit is not None else float("nan"),
             "screen": expected.get(effect.key, 0.0),
             "named": effect.key in final.candidate.keys,

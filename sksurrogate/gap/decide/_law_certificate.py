@@ -9,7 +9,7 @@ import numpy as np
 
 from sksurrogate._units import over, times, to_power
 from sksurrogate.effects._formula import SHAPES, signal_names
-from sksurrogate.gap.decide._choice_by_fold import elected
+from sksurrogate.gap.decide._choice_by_fold import choices_by_fold
 from sksurrogate.gap.decide._held_out import HeldOut, law_held_out
 from sksurrogate.gap.decide._intervals import intervals
 from sksurrogate.gap.fit._evidence import Evidence
@@ -26,7 +26,7 @@ from sksurrogate.physics._simulator import units_of as units_by_name
 #: Share of what is left beside the names (amplitude) that a law must close on runs left out.
 CERTIFICATE = 0.15
 
-#: Formulae that stand for election again in every fold.
+#: Formulae that are compared again in every fold.
 MOST_FORMULAE = 3
 
 
@@ -42,8 +42,8 @@ class CertifiedLaw:
 
 def held_out_law(search: OdeSearch, laws: Sequence[FittedLaw], held: HeldOut) -> HeldOut:
     """Beside the free runs of what is named those with the law that the runs outside each fold choose."""
-    entrants = [(law.found.candidate, [law.found.noise], 2.0 * law.price) for law in laws[:MOST_FORMULAE]]
-    finals = elected(search, entrants)
+    choices = [(law.found.candidate, [law.found.noise], 2.0 * law.price) for law in laws[:MOST_FORMULAE]]
+    finals = choices_by_fold(search, choices)
     return law_held_out(finals, held)
 
 

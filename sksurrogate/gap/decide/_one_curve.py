@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from itertools import combinations
-from typing import Any
 
 import numpy as np
 
-from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.gap.decide._intervals import intervals
 from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.fit._ode import OdeCandidate
+from sksurrogate.gap.unnamed._law_evidence import place_and_signal
 
 
 def moved_by(candidate: OdeCandidate) -> list[np.ndarray | None]:
@@ -36,18 +35,14 @@ def redundant_effect(final: Evidence[OdeCandidate]) -> int | None:
     if unsure:
         return max(unsure, key=lambda i: unsure[i])
     moved = [None if one is None else one * candidate.theta_of(i)[0] for i, one in enumerate(moved_by(candidate))]
+    signals = [place_and_signal(effect) for effect in candidate.effects]
     for i, j in combinations(range(len(moved)), 2):
         one, other = moved[i], moved[j]
-        if one is not None and other is not None and driver_of(candidate.effects[i]) == driver_of(candidate.effects[j]):
+        if one is not None and other is not None and signals[i] == signals[j]:
             sizes = _size(one), _size(other)
             if _size(one + other) < min(sizes):
                 return i if sizes[0] < sizes[1] else j
     return None
-
-
-def driver_of(effect: BaseEffect) -> tuple[Any, Any]:
-    """Where an effect acts, and the signal that drives it: its own where no other does."""
-    return effect.location, effect.variable or effect.location
 
 
 def _size(outputs: np.ndarray) -> float:

@@ -71,7 +71,7 @@ def weigh(search: OdeSearch, final: Evidence) -> Posterior:
 
 
 def stands(search: OdeSearch, final: Evidence) -> tuple[Evidence, Posterior]:
-    """The set that is likeliest beside a law, without effects that the practical bar does not need. And its posterior.
+    """The set that is likeliest beside a law, without effects that the tolerance does not need. And its posterior.
 
     Effects in whose place a law does as well are taken out, the least probable first, and those that only correct the form of
     another; another effect takes the place of one where that is likelier. Names that leave most of the gap in the data that they
@@ -156,7 +156,7 @@ def _taken(search: OdeSearch, candidate: OdeCandidate, before: Evidence) -> Evid
 
 
 def needed_only(search: OdeSearch, final: Evidence) -> Evidence:
-    """A set without effects that the practical bar does not need, the least needed first.
+    """A set without effects that the tolerance does not need, the least needed first.
 
     A set that leaves more than the noise is not exact: there a small effect may only correct the form of the others. Of two forms
     of one law one is enough, where it closes the gap up to the tolerance: no form is exact on a real plant.
@@ -183,16 +183,16 @@ def _nearest_without(search: OdeSearch, final: Evidence, positions: Iterable[int
     return min(known, key=lambda one: one.fit.cost, default=None)
 
 
-def is_needed(whole: float, fewer: float, bar: float) -> bool:
+def is_needed(whole: float, fewer: float, tolerated: float) -> bool:
     """Whether a set that leaves ``whole`` needs an effect without which, fitted again, it leaves ``fewer``.
 
-    Squared errors; ``bar``: the tolerance in power. It does if more than the tolerance is left without it, and the effect closes most
+    Squared errors; ``tolerated``: the tolerance in power. It does if more than the tolerance is left without it, and the effect closes most
     of that.
 
-    >>> is_needed(10.0, 104.0, bar=100.0), is_needed(90.0, 204.0, bar=100.0), is_needed(10.0, 90.0, bar=100.0)
+    >>> is_needed(10.0, 104.0, tolerated=100.0), is_needed(90.0, 204.0, tolerated=100.0), is_needed(10.0, 90.0, tolerated=100.0)
     (True, False, False)
     """
-    return fewer > bar and whole < MOST_LEFT**2 * fewer
+    return fewer > tolerated and whole < MOST_LEFT**2 * fewer
 
 
 def _without(candidate: OdeCandidate, out: tuple[int, ...]) -> OdeCandidate:

@@ -40,9 +40,8 @@ class DecisionFeatures:
     curve_moved: float = 0.0
     rounding: float = 0.0  #: Error of a rounding that nothing names, over the deviation of the output
     noisy_input: bool = False  #: Whether the gap is no larger than the noise of a measured input makes it
-    other_unit: bool = (
-        False  #: Whether the simulator alone explains the record with its time or readings in another unit
-    )
+    #: Whether the simulator alone explains the record with its time or readings in another unit
+    other_unit: bool = False
     at_bound: bool = False  #: Whether a re-tuned parameter ended at its bound
     tolerance: float = 0.1  #: Share of the gap (amplitude) that a model may leave
 

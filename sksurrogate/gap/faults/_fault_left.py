@@ -13,7 +13,7 @@ from sksurrogate.gap.faults._corrections import BaseFault, Hum, NoisyInput, Slow
 from sksurrogate.gap.faults._proposals import WHOLE, Proposal, proposals, tones
 from sksurrogate.gap.fit._backend import BaseCandidate
 from sksurrogate.gap.fit._closeness import SETTLED
-from sksurrogate.gap.fit._evidence import CERTAIN, FEW_STEPS, Evidence, bar, estimate_noise
+from sksurrogate.gap.fit._evidence import CERTAIN, FEW_STEPS, Evidence, estimate_noise, evidence_threshold
 from sksurrogate.gap.fit._linear_set import LinearSet, linear_set
 from sksurrogate.gap.fit._normal_equations import inverse
 from sksurrogate.gap.search._base import BaseSearch
@@ -243,7 +243,7 @@ class _Fit:
     def cost(self, proposal: Proposal, tried: int) -> float:
         """``k ln N + 2 ln M``, and what the choice of its runs costs."""
         k = proposal.n_weights + proposal.extra
-        return float(bar(k, tried, self.n)) + proposal.chosen
+        return float(evidence_threshold(k, tried, self.n)) + proposal.chosen
 
     def fitted(self, proposal: Proposal | None = None) -> tuple[float, np.ndarray, np.ndarray]:
         """The largest log likelihood with the noise fitted, the weights there, and the squares of these over their variances."""

@@ -167,9 +167,8 @@ def tone(record: Record, residual: np.ndarray) -> float | None:
     parts = [residual[a:b] - residual[a:b].mean() for a, b in record.spans]
     power = np.sum([np.abs(np.fft.rfft(part, 2 * n)) ** 2 for part in parts], axis=0)
     power[: int(2 * LEAST_PERIODS)] = 0.0
-    at = (
-        2 * np.pi * (np.argmax(power) + np.arange(-FINE_SHIFTS, FINE_SHIFTS + 1) / FINE_SHIFTS) / (2 * n)
-    )  # rad per sample
+    # rad per sample
+    at = 2 * np.pi * (np.argmax(power) + np.arange(-FINE_SHIFTS, FINE_SHIFTS + 1) / FINE_SHIFTS) / (2 * n)
     rows = [np.arange(len(part)) for part in parts]
     explained = [sum(abs(part @ np.exp(-1j * w * row)) ** 2 / len(part) for part, row in zip(parts, rows)) for w in at]
     return float(at[int(np.argmax(explained))] / record.dt)

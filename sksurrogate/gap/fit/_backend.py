@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol, TypeVar
+from typing import ClassVar, Protocol, TypeVar
 
 import numpy as np
 
@@ -87,6 +87,9 @@ class BaseCandidate(ABC):
     effects: tuple[BaseEffect, ...]
     fit: Fitted
     problem: Backend  #: What it was fitted to
+    #: Whether white noise, where it is likelier near the data, takes the place of the noise that a fit starts from: one that
+    #: explains what was coloured before must not start from that colour. A linear surrogate may colour what is white.
+    white_alone: ClassVar[bool] = True
 
     @property
     def residual(self) -> np.ndarray:
@@ -122,11 +125,6 @@ class BaseCandidate(ABC):
     @abstractmethod
     def columns(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Residual, sensitivities (n_outputs, n_theta, n_samples), and what holds a step of the parameters: precision and pull."""
-
-    @property
-    @abstractmethod
-    def white_alone(self) -> bool:
-        """Whether white noise, where it is likelier near the data, takes the place of the noise that a fit starts from."""
 
     def other_noises(self, start: Noise) -> tuple[list[Noise], list[Noise]]:
         """Where a noise fit may start too: with forces beside quiet sensors; near the data as white noise, for it does not find out

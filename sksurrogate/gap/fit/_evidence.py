@@ -1,4 +1,4 @@
-"""Evidence: the likelihood of a candidate's own output-error fit under a noise, and the bar it has to pass."""
+"""Evidence: the likelihood of a candidate's own output-error fit under a noise, and the threshold it has to pass."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from sksurrogate.kernels.disturbance import Noise
 #: A second start is followed where it is likelier than the first by this much: in less, both led to one top.
 LIKELIER = 5.0
 #: Gain (twice nats) from which a law without a name is certain, beside names or in their place; further effects, windows of
-#: time and faults of the record must beat their bar by it, which a mismatch of numerics can pass alone.
+#: time and faults of the record must beat their threshold by it, which a mismatch of numerics can pass alone.
 CERTAIN = 10.0
 #: Steps of a noise fit that begins at the noise of a candidate nearby.
 FEW_STEPS = 8
@@ -65,7 +65,7 @@ class Evidence(Generic[C]):
         return float(np.max(record.rms(self.candidate.residual) / np.hypot(sigma, record.input_noise)))
 
 
-def bar(n_parameters: int, n_candidates: int, n_values: int) -> float:
+def evidence_threshold(n_parameters: int, n_candidates: int, n_values: int) -> float:
     """What 2 (L_candidate - L_null) must exceed: ``k ln N + 2 ln M``."""
     return n_parameters * np.log(n_values) + 2.0 * np.log(max(n_candidates, 1))
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from types import MappingProxyType
 
 import numpy as np
 
@@ -22,7 +21,6 @@ PRIOR = 0.10
 FARTHEST_RATIO = 4.0
 #: Standard deviation that holds a free parameter still where ``parameter_error`` moves the same number.
 HELD = 1e-3
-NOTHING: Mapping[str, tuple[float, float]] = MappingProxyType({})
 
 
 @dataclass(frozen=True)
@@ -36,10 +34,10 @@ class KnownParameters:
     [0.095, 0.1]
     """
 
-    bounds: Mapping[str, tuple[float, float]] = field(default_factory=lambda: dict(NOTHING))
+    bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     #: Normal where the nominal value is 0, else log-normal with this median and relative standard deviation: a
     #: parameter keeps its sign
-    priors: Mapping[str, tuple[float, float]] = field(default_factory=lambda: dict(NOTHING))
+    priors: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     def check(self, params: Mapping[str, float]) -> None:
         """DataError where bounds or a prior hold no value of the sign of the nominal one."""

@@ -73,11 +73,6 @@ class OdeCandidate(BaseCandidate):
     def sensitivities(self) -> np.ndarray:
         return self.linearised.J_theta
 
-    @property
-    def white_alone(self) -> bool:
-        """A fit that explains what was coloured before must not start from that colour."""
-        return True
-
     def columns(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Residual, sensitivities, and what holds a step of the parameters: its precision, and the pull of their prior.
 
@@ -191,18 +186,15 @@ class OdeBackend(Backend):
     plant: Plant
     model: PlantModel
     record: Record
-    sd: np.ndarray  #: (n_outputs,): sensor noise, first estimate
+    sd: np.ndarray
     scale: np.ndarray  #: (n_states,): size of the states
     rate: np.ndarray  #: (n_states,): RMS of their derivatives
-    free: tuple[str, ...]  #: Parameters that are re-tuned with every candidate
+    free: tuple[str, ...]
     balances: tuple[str, ...]  #: States whose balance may be wrong
     numerics: Numerics
-    #: (n_balances,), (n_outputs,): largest force of every balance and coloured noise of every sensor that count as
-    #: disturbance
     caps: tuple[np.ndarray, np.ndarray] | None = None
     #: (n_states, n_samples): states of the simulator alone, measured ones started at their first readings
     run: np.ndarray | None = None
-    #: What the user knows of the simulator's parameters
     known: KnownParameters = field(default_factory=KnownParameters)
     near: Neighbours = field(default_factory=dict)  #: States near each balance of a large plant
 

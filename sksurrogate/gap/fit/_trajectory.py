@@ -44,6 +44,7 @@ class TrajectoryCandidate(BaseCandidate):
 
     fit: TrajectoryFit
     problem: TrajectoryBackend
+    white_alone = False
 
     @cached_property
     def residual(self) -> np.ndarray:
@@ -58,11 +59,6 @@ class TrajectoryCandidate(BaseCandidate):
     def disturbance(self) -> Disturbance:
         """A force on every state of the linear surrogate, coloured sensor noise, white noise."""
         return self.problem.disturbance
-
-    @property
-    def white_alone(self) -> bool:
-        """The linear surrogate may colour what is white: both starts are followed."""
-        return False
 
     def columns(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         return self.residual, self.fit.J, *self.held
@@ -153,17 +149,16 @@ class TrajectoryBackend(Backend):
 
     simulations: Simulations
     labels: Sequence[object]  #: Of the runs
-    sd: np.ndarray  #: (n_outputs,): sensor noise, first estimate
+    sd: np.ndarray
     nominal: np.ndarray  #: (n_outputs, n_samples): the simulator's own outputs
     surrogate: LinearSurrogate
-    free: tuple[str, ...]  #: Parameters that are re-tuned with every candidate
+    free: tuple[str, ...]
     transients: np.ndarray  #: (n_outputs, n_starts, n_samples): what initial states move
     #: Whether initial states are fitted: through ``x0`` where the simulator has one, else as transients of the
     #: surrogate
     free_starts: bool = False
     x0: np.ndarray | None = None  #: (n_runs, n_states): initial states that the simulator is given
     disturbances: dict[bool, Disturbance] = field(default_factory=dict)
-    #: What the user knows of the simulator's parameters
     known: KnownParameters = field(default_factory=KnownParameters)
 
     @property

@@ -160,7 +160,8 @@ class GapReport(ReportData):
         ----------
         table : str, default="effects"
             "effects" (one row a parameter), "budget", "ranking", "retuned", "by_output", "by_location", "by_region",
-            "by_time", "by_frequency", "shrink_by_output", "experiments", or "traces" (one row a sample of every run).
+            "by_time", "by_frequency", "shrink_by_output", "experiments", "data" (one row a fault of the record), or "traces" (one
+            row a sample of every run).
 
         Returns
         -------

@@ -201,6 +201,7 @@ def table_of(report: ReportData, name: str) -> Table:
         "by_time": lambda: where.by_time,
         "by_frequency": lambda: where.by_frequency,
         "shrink_by_output": lambda: report.shrink.by_output,
+        "data": lambda: report.data.table(),
         "experiments": lambda: EMPTY if experiment is None else experiment.options,
         "traces": lambda: _samples(report),
     }

@@ -162,8 +162,6 @@ class DataFaults:
 def listed(texts: Sequence[str]) -> str:
     """Some texts, and how many more there are.
 
-    Examples
-    --------
     >>> listed(["1", "2", "3"])
     '1, 2, 3'
     """
@@ -174,8 +172,6 @@ def listed(texts: Sequence[str]) -> str:
 def runs_text(labels: Sequence[Any]) -> str:
     """Some runs by their labels.
 
-    Examples
-    --------
     >>> runs_text(["a"]), runs_text([1, 2])
     ("run 'a'", 'runs 1, 2')
     """

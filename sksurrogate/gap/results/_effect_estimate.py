@@ -70,8 +70,6 @@ class EffectEstimate:
 def only_in(effect: EffectEstimate) -> str:
     """The runs in which it acts; empty where these are all.
 
-    Examples
-    --------
     >>> only_in(EffectEstimate("input_lag", "u", None, 1.0, {}, {}, 1.0, runs=("a", "c")))
     ", in runs 'a', 'c'"
     """

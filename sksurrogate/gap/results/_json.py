@@ -19,8 +19,6 @@ from sksurrogate.gap.results._table import Table
 def plain(value: Any) -> Any:
     """Dicts, lists, strings, numbers, booleans and None alone; floats that are nan or infinite stay floats.
 
-    Examples
-    --------
     >>> plain({"low": np.float64(1.0), "runs": (1, 2), "rows": Table(({"a": np.True_},))})
     {'low': 1.0, 'runs': [1, 2], 'rows': [{'a': True}]}
     """
@@ -45,8 +43,6 @@ def plain(value: Any) -> Any:
 def json_text(value: Any, indent: int | None) -> str:
     """Strict JSON (RFC 8259): nan is null, the infinities are the strings "Infinity" and "-Infinity".
 
-    Examples
-    --------
     >>> json_text({"share": float("nan"), "interval": [0.5, float("inf")]}, indent=None)
     '{"share": null, "interval": [0.5, "Infinity"]}'
     """
@@ -83,8 +79,6 @@ _PLAIN: dict[Any, dict[str, Any]] = {
 def schema_of(kind: Any) -> dict[str, Any]:
     """Schema of a type: of a dataclass field by field, with the sentences of its docstring.
 
-    Examples
-    --------
     >>> schema_of(tuple[str, ...])
     {'type': 'array', 'items': {'type': 'string'}}
     >>> schema_of(Table)["type"]
@@ -120,8 +114,6 @@ def _object(kind: type) -> dict[str, Any]:
 def described_attributes(kind: type) -> dict[str, str]:
     """Attribute -> its description in the numpydoc section of the class.
 
-    Examples
-    --------
     >>> class Point:
     ...     '''A point.
     ...

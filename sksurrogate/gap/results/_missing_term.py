@@ -46,7 +46,7 @@ class MissingTerm:
         Symbolic candidates, best first: sums of few simple shapes, with the share of the term that each explains on runs
         left out.
     effects : tuple of LawEffect
-        The same as effects, ready for ``GapDiagnoser(effects=[...])``; empty where the term sits in an input or sensor.
+        The same as effects, ready for ``GapDiagnoser(effects=[...])``; empty where the term sits in a sensor or an element.
     law : Law or None
         The simplest formula that does as well as a free curve, fitted in the free run; None where none was found.
     """

@@ -83,9 +83,8 @@ class Screen:
     #: low, high: (n_starts,): range in which the amplitude of a column stands for the effect
     low: np.ndarray
     high: np.ndarray
-    left_by: (
-        np.ndarray
-    )  #: (1 + MOST_TOGETHER,): squares over the noise expected beside the best 0, 1, ... columns together
+    #: (1 + MOST_TOGETHER,): squares over the noise expected beside the best 0, 1, ... columns together
+    left_by: np.ndarray
 
 
 def _range(columns: Sequence[Column]) -> tuple[np.ndarray, np.ndarray]:

@@ -14,7 +14,7 @@ from sksurrogate._parallel._worker_process import WorkerProcess
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.gap.fit._backend import Backend
 from sksurrogate.gap.fit._closeness import FAR_BY_COST
-from sksurrogate.gap.fit._evidence import FEW_STEPS, C, Evidence, bar, estimate_noise, judged_under
+from sksurrogate.gap.fit._evidence import FEW_STEPS, C, Evidence, estimate_noise, evidence_threshold, judged_under
 from sksurrogate.gap.fit._prior import retuning_cost
 from sksurrogate.gap.fit._pushes import REMEMBERED
 from sksurrogate.gap.results._next_experiment import NATS_THAT_SETTLE
@@ -94,7 +94,7 @@ class BaseSearch(ABC, Generic[C]):
         for candidate in nearest:
             if candidate not in self.judged:
                 self.judge(judged_under(candidate, [self.standing.noise, null.noise]))
-        passing = [candidate for candidate in nearest if self.gain(candidate) > self.bar(candidate.n_parameters)]
+        passing = [candidate for candidate in nearest if self.gain(candidate) > self.threshold(candidate.n_parameters)]
         if passing:
             best = max(passing, key=self.order(passing))
             stands = self.standing.candidate
@@ -190,9 +190,9 @@ class BaseSearch(ABC, Generic[C]):
                 self.fitted[frozenset(candidate.keys)] = candidate
 
     # ---- comparisons ------------------------------------------------------------------------------------------------
-    def bar(self, k: int) -> float:
+    def threshold(self, k: int) -> float:
         """What twice the gain in log likelihood must exceed for k parameters."""
-        return bar(k, len(self.library), self.n_values)
+        return evidence_threshold(k, len(self.library), self.n_values)
 
     def evidence(self, candidate: C) -> float:
         """Log likelihood, with what it costs to move the free parameters: a far re-tuning must not imitate an effect."""

@@ -118,9 +118,8 @@ def twins_with_onset(screen: Screen, effect: BaseEffect, theta: np.ndarray) -> l
         for k, start in enumerate(screen.starts)
         if (richer(effect, start.effect) if jumps else start.effect.key == effect.key[:3])
     ]
-    others = [
-        k for k in range(len(screen.starts)) if k not in always
-    ]  # a constant load that begins is the jump by another name
+    # a constant load that begins is the jump by another name
+    others = [k for k in range(len(screen.starts)) if k not in always]
     able = [k for k in others if can_start(screen.starts[k].effect) and grows(screen.starts[k].effect)]
     if not always or not able:
         return []

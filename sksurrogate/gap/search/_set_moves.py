@@ -83,7 +83,7 @@ class SetMoves(BaseSearch[C]):
         for candidate in candidates:
             if candidate is not nearest:
                 self.judge(judged_under(candidate, [noise, start]))
-                if not self.is_far(candidate) and self.score(candidate) < self.score(base) - 0.5 * self.bar(1):
+                if not self.is_far(candidate) and self.score(candidate) < self.score(base) - 0.5 * self.threshold(1):
                     # It holds the base: what it loses to it, it loses to a noise that was made for others.
                     self.judge(estimate_noise(candidate, noise, curvature, max_iterations=FEW_STEPS))
         candidates.sort(key=self.score, reverse=True)

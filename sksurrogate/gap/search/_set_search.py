@@ -56,13 +56,13 @@ class SetSearch(SetMoves[C]):
 
     def first_name(self, null: C) -> tuple[C, bool]:
         """The best single effect, and whether it passes; it stands where it does."""
-        if self.gain(self.first_round[0]) > self.bar(self.first_round[0].n_parameters):
+        if self.gain(self.first_round[0]) > self.threshold(self.first_round[0].n_parameters):
             self.stand(self.first_round[0])
         best = simplify(self, self.first_choice(self.first_round))
-        if self.gain(best) < 20.0 * self.bar(best.n_parameters):
+        if self.gain(best) < 20.0 * self.threshold(best.n_parameters):
             # A weak gain must not be what the null's noise fit left on the table.
             self.null = self.judge(follow_null(null, self.judged[best].noise, self.null, self.second))
-        passed = self.gain(best) > self.bar(best.n_parameters)
+        passed = self.gain(best) > self.threshold(best.n_parameters)
         self.stand(best if passed else null)
         return best, passed
 
@@ -156,7 +156,7 @@ class SetSearch(SetMoves[C]):
                 continue
             own = self.judged[candidate]
             self.judge(estimate_noise(smaller, own.noise, own.curvature))
-            better = self.score(smaller) > self.score(best) + 1.0 and self.gain(smaller) > self.bar(
+            better = self.score(smaller) > self.score(best) + 1.0 and self.gain(smaller) > self.threshold(
                 smaller.n_parameters
             )
             if better and not self.passes(candidate, smaller, True):
@@ -168,7 +168,7 @@ class SetSearch(SetMoves[C]):
         if may_follow_noise(candidate, best):
             return False
         if not passed:
-            return self.gain(candidate) > self.bar(candidate.n_parameters) + 2.0 * np.log(len(self.library))
+            return self.gain(candidate) > self.threshold(candidate.n_parameters) + 2.0 * np.log(len(self.library))
         removed = best.fit.cost - candidate.fit.cost
         gap = self.fitted_null.fit.cost - self.n_values
         if removed < SMALLEST_SHARE * gap and not arrived(self.own(candidate), best):
@@ -180,7 +180,7 @@ class SetSearch(SetMoves[C]):
 
     def needed_gain(self, k: int) -> float:
         """2 (L_candidate - L_best) that a further effect of k parameters must reach."""
-        return self.bar(max(k, 1)) + CERTAIN
+        return self.threshold(max(k, 1)) + CERTAIN
 
     def beam(self, best: C) -> list[C]:
         """Other sets of this size worth one effect more.

@@ -24,7 +24,7 @@ from sksurrogate.gap.search._set_search import SetSearch
 
 #: Candidates fitted in a round: so many by white noise, so many by the noise with forces.
 BY_WHITE, BY_FORCED = 10, 6
-#: Candidates that the screen expects to gain less than this share of the bar are not fitted.
+#: Candidates that the screen expects to gain less than this share of the threshold are not fitted.
 HOPELESS = 0.15
 NO_STATES = np.zeros(0)
 
@@ -86,7 +86,7 @@ class TrajectorySearch(SetSearch[TrajectoryCandidate]):
             replace(final.candidate, problem=free), final.noise, max_iterations=FEW_STEPS
         ).log_likelihood
         count = problem.transients.shape[1] * len(problem.record.starts)
-        if 2.0 * (after - before) < 2.0 * self.bar(count):
+        if 2.0 * (after - before) < 2.0 * self.threshold(count):
             return False
         self.problem = free
         return True
@@ -127,7 +127,7 @@ class TrajectorySearch(SetSearch[TrajectoryCandidate]):
         """The base with one effect more: the few that the screen puts first."""
         library = self.library if wanted.among is None else wanted.among
         counts = min(wanted.by_white, BY_WHITE), min(wanted.by_forced, BY_FORCED)
-        starts = self.screened(base, library, *counts, max(wanted.least, HOPELESS * self.bar(1)))
+        starts = self.screened(base, library, *counts, max(wanted.least, HOPELESS * self.threshold(1)))
         self.report(f"fitting {len(starts)} of {len(library)} candidates")
         work = workers(self.n_jobs, return_as="generator")
         found: list[TrajectoryCandidate] = []

@@ -27,8 +27,8 @@ from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.unnamed._along_a_path import as_regressors, carried, linear_along
 from sksurrogate.gap.unnamed._amplitude import amplitude_evidence, known_to_rounding, prior_roots, small_and_large
 from sksurrogate.gap.unnamed._law_left import LawLeft
-from sksurrogate.gap.unnamed._law_places import Curve, in_all_places
-from sksurrogate.gap.unnamed._law_shapes import Law
+from sksurrogate.gap.unnamed._law_places import PlacedSignal, in_all_places
+from sksurrogate.gap.unnamed._law_shapes import SignalForms
 from sksurrogate.kernels.clock import check_time
 from sksurrogate.kernels.disturbance import Noise
 
@@ -94,7 +94,7 @@ def law_beside(
         linear = as_regressors(candidate, x) if bare else linear_set(linear_along(candidate, x))
     if not linear.finite:
         return None
-    named = frozenset(map(place_of, candidate.effects))
+    named = frozenset(map(place_and_signal, candidate.effects))
     known = {} if known is None else known
     path = candidate.fit.x if x is None else x
     own = None if instead is None else carried(instead, candidate, linear.base, path[: candidate.model.n_nominal])
@@ -109,7 +109,7 @@ def law_beside(
     return fit.result(best, max(linear.log_likelihood(noise) for noise in noises))
 
 
-def place_of(effect: BaseEffect) -> tuple[str, str]:
+def place_and_signal(effect: BaseEffect) -> tuple[str, str]:
     """Place and signal of an effect; without a signal it is that of its place."""
     return str(effect.location), effect.variable or str(effect.location)
 
@@ -142,7 +142,7 @@ class _Fit:
     barred: tuple[str, str] | None = None  #: Place and signal whose law is the effect in whose place it stands
 
     @cached_property
-    def candidates(self) -> list[tuple[Curve, Law, str]]:
+    def candidates(self) -> list[tuple[PlacedSignal, SignalForms, str]]:
         """All laws in all places."""
         return list(in_all_places(self.linear.base))
 
@@ -183,7 +183,11 @@ class _Fit:
 
         Up to the tolerance. ``whole``: the set with this effect.
         """
-        if self.instead is None or one.size < self.tolerance or self.place_of(one.k) not in map(place_of, whole):
+        if (
+            self.instead is None
+            or one.size < self.tolerance
+            or self.place_of(one.k) not in map(place_and_signal, whole)
+        ):
             return False
         own, law = self.linear.projected(np.stack([self.instead, self.moved(one)], axis=1))
         cosine = abs(float(own @ law)) / max(float(np.linalg.norm(own) * np.linalg.norm(law)), 1e-300)

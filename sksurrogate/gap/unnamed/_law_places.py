@@ -15,7 +15,7 @@ from sksurrogate.gap.fit._pushes import STEP_OF_SLOPES
 from sksurrogate.gap.unnamed._elements import elements_along
 from sksurrogate.gap.unnamed._law_shapes import (
     AND_ITS_PAST,
-    Law,
+    SignalForms,
     laws,
     of_time,
     over_sample,
@@ -26,7 +26,7 @@ from sksurrogate.gap.unnamed._law_shapes import (
 from sksurrogate.kernels.disturbance import Disturbance
 
 
-class Curve(NamedTuple):
+class PlacedSignal(NamedTuple):
     """Place, signal, and what functions of the signal move the outputs by (n_outputs, n, n_samples).
 
     The last is computed when it is asked for: all curves at once would be large.
@@ -37,7 +37,7 @@ class Curve(NamedTuple):
     moved: Callable[[], np.ndarray]
 
 
-def in_all_places(base: OdeCandidate) -> Iterator[tuple[Curve, Law, str]]:
+def in_all_places(base: OdeCandidate) -> Iterator[tuple[PlacedSignal, SignalForms, str]]:
     """Laws of near states and inputs in every balance, of each input in its place, of an element's flow, of outputs in every sensor."""
     problem, D = base.problem, base.disturbance
     plant, record = problem.plant, problem.record
@@ -59,28 +59,28 @@ def in_all_places(base: OdeCandidate) -> Iterator[tuple[Curve, Law, str]]:
             if not is_near(problem.near, name, law.variable.removesuffix(AND_ITS_PAST).split("*")):
                 continue
             moves = partial(moved, D.B[:, :, b].T, law.functions)
-            yield Curve(name, law.variable, moves), law, "state"
+            yield PlacedSignal(name, law.variable, moves), law, "state"
     for i, name in enumerate(plant.inputs):
         push, shown = input_gain(base, i)
         own = [law for law in raw if law.variable.removesuffix(AND_ITS_PAST) == name]
         for law in [*own, *staircases(record.u[i], name), *times]:
             moves = partial(moved, push, law.functions, shown, law.shown)
-            yield Curve(name, law.variable, moves), law, "input"
+            yield PlacedSignal(name, law.variable, moves), law, "input"
     named = {effect.location for effect in base.effects}
     # Beside names, a law of an element corrects the name of its own parameter.
     wanted = [name for name in plant.params if not named or name in named]
     for element in elements_along(problem.model, record, x, wanted):
         push = np.einsum("tib,b->it", D.B, element.direction[problem.rows_of_balances])
-        law = Law(element.parameter, *static(element.flow))
+        law = SignalForms(element.parameter, *static(element.flow))
         law = law._replace(functions=over_sample(record, law.functions))
         moves = partial(moved, push, law.functions)
-        yield Curve(element.parameter, element.parameter, moves), law, "parameter"
+        yield PlacedSignal(element.parameter, element.parameter, moves), law, "parameter"
     readings = base.fit.y
     of_readings = [*laws(record, readings, plant.outputs, plant.outputs), *times]
     for o, name in enumerate(plant.outputs):
         for law in [*of_readings, *staircases(readings[o], name)]:
             moves = partial(reading, len(plant.outputs), o, law.functions)
-            yield Curve(name, law.variable, moves), law, "output"
+            yield PlacedSignal(name, law.variable, moves), law, "output"
 
 
 def reading(n_outputs: int, o: int, f: np.ndarray) -> np.ndarray:

@@ -63,7 +63,7 @@ class Form(NamedTuple):
     rough: np.ndarray | None = None
 
 
-class Law(NamedTuple):
+class SignalForms(NamedTuple):
     """A signal (or two, "a*b"), functions of it (n_functions, n_samples), and the forms that these make up.
 
     What is ``shown`` of the functions at the samples stands beside them where they are means over each.
@@ -75,7 +75,9 @@ class Law(NamedTuple):
     shown: np.ndarray | None = None
 
 
-def laws(record: Record, signals: np.ndarray, names: Sequence[str], given: Container[str] = ()) -> Iterator[Law]:
+def laws(
+    record: Record, signals: np.ndarray, names: Sequence[str], given: Container[str] = ()
+) -> Iterator[SignalForms]:
     """Laws of each signal, and of the signal with its past; filters and limited rates of signals that are ``given``.
 
     Inputs are, and readings for their sensor. The last samples of a measured state tell any force that has moved it: a
@@ -85,7 +87,7 @@ def laws(record: Record, signals: np.ndarray, names: Sequence[str], given: Conta
     for i, (name, z) in enumerate(zip(names, signals)):
         if not moves(z):
             continue
-        yield Law(name, *static(z))
+        yield SignalForms(name, *static(z))
         plays, slews, at_samples = followers(record, z)
         memories = shown = [past[:, i], plays]
         if name in given:
@@ -93,7 +95,9 @@ def laws(record: Record, signals: np.ndarray, names: Sequence[str], given: Conta
             memories, shown = ([*memories, lags, *pairs(rates)] for rates in (slews, at_samples))
         ends = 1 + np.cumsum([0, *map(len, memories)])
         forms = tuple(Form(np.r_[0, a:b]) for a, b in zip(ends[:-1], ends[1:]))
-        yield Law(name + AND_ITS_PAST, np.concatenate([z[None], *memories]), forms, np.concatenate([z[None], *shown]))
+        yield SignalForms(
+            name + AND_ITS_PAST, np.concatenate([z[None], *memories]), forms, np.concatenate([z[None], *shown])
+        )
 
 
 def past_of(record: Record, signals: np.ndarray) -> np.ndarray:
@@ -111,11 +115,11 @@ def pairs(f: np.ndarray) -> list[np.ndarray]:
     return [f[k : k + 2] for k in range(len(f) - 1)]
 
 
-def staircases(z: np.ndarray, name: str) -> Iterator[Law]:
+def staircases(z: np.ndarray, name: str) -> Iterator[SignalForms]:
     """A fine curve of an input or a reading, which may be a staircase."""
     if moves(z):
         f = hats(z, FINE_KNOTS)
-        yield Law(name, f, (Form(np.arange(len(f))),))
+        yield SignalForms(name, f, (Form(np.arange(len(f))),))
 
 
 def followers(record: Record, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -129,15 +133,15 @@ def followers(record: Record, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np
     return plays.mean[0], slews.mean[0], slews.at_samples()
 
 
-def of_time(record: Record) -> Iterator[Law]:
+def of_time(record: Record) -> Iterator[SignalForms]:
     """A smooth curve of the time since the start, where runs of different inputs can share it."""
     different = {record.u[:, a : a + n].tobytes() for a, n in zip(record.starts, record.lengths)}
     if len(different) >= RUNS_THAT_SHARE:
         f = hats(record.t - record.t[record.starts][record.run_of_row], FINE_KNOTS)
-        yield Law("time", f, (Form(np.arange(len(f)), roughness(len(f))),))
+        yield SignalForms("time", f, (Form(np.arange(len(f)), roughness(len(f))),))
 
 
-def surfaces(record: Record, signals: np.ndarray, names: Sequence[str], held: Container[str]) -> Iterator[Law]:
+def surfaces(record: Record, signals: np.ndarray, names: Sequence[str], held: Container[str]) -> Iterator[SignalForms]:
     """Laws of two signals, their product and a smooth surface over them, by their means over each sample.
 
     Signals named in ``held`` stand still within a sample.
@@ -151,7 +155,7 @@ def surfaces(record: Record, signals: np.ndarray, names: Sequence[str], held: Co
         rough = np.kron(roughness(m), np.eye(n)) + np.kron(np.eye(m), roughness(n))
         forms = Form(np.array([0])), Form(np.arange(1, 1 + m * n), rough if rough.any() else None)
         product, surface = f[0, 0] / max(float(np.max(np.abs(f[0, 0]))), 1e-300), f[1:, 1:].reshape(m * n, -1)
-        yield Law(f"{a}*{b}", np.concatenate([product[None], surface]), forms)
+        yield SignalForms(f"{a}*{b}", np.concatenate([product[None], surface]), forms)
 
 
 def over_sample(record: Record, f: np.ndarray) -> np.ndarray:
