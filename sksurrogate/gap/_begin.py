@@ -101,7 +101,7 @@ def begin_ode(diagnoser: Settings, task: Task) -> DiagnosisPipeline[OdeCandidate
     later = WorkerProcess(fixed, apart, later=True)
     late = {e.key: e for e in library if e.late or (effects is None and not _acts_near(e, problem))}
     late = late if len(late) < len(library) else {}  # effects that were asked for alone are asked at once
-    search = OdeSearch(problem, library, smoothed.x, lost=model.said, later=later, later_asked=late, **common)
+    search = OdeSearch(problem, library, smoothed.x, lost=model.raised, later=later, later_asked=late, **common)
     unnamed = OdeUnnamed(search, task.seed, whole, closed_places(diagnoser.exclude, diagnoser.plausible, plant))
     return _prepared(diagnoser, task, search, unnamed, rows)
 

@@ -110,11 +110,11 @@ class DiagnosisPipeline(LawStage[C]):
 
     def look_at_the_record(self) -> None:
         """What is seen on top of the names, and whether what they leave is a fault of the record."""
-        self.unnamed.look(self.final)
+        self.unnamed.ask_for_places(self.final)
         if self.unnamed.other_unit:
             return
         if self.book is not None and time.perf_counter() - self.started_at < SOON * (self.time_limit or np.inf):
-            self.book = self.book.looked_at(self.search, self.rows, self.unnamed.law_left)
+            self.book = self.book.with_next_fault(self.search, self.rows, self.unnamed.law_left)
 
     def weigh_names(self) -> None:
         """Whether a law without a name does as well as what was named."""

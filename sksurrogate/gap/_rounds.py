@@ -8,7 +8,7 @@ from typing import Any
 from sksurrogate.gap._pipeline import DiagnosisPipeline
 from sksurrogate.gap._progress import Progress
 from sksurrogate.gap._some_runs import Answer, in_some_runs
-from sksurrogate.gap.faults._record_book import first_look
+from sksurrogate.gap.faults._record_book import record_book
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics._simulator import Plant
 from sksurrogate.runs import Runs
@@ -23,7 +23,7 @@ def diagnosed_in_rounds(
     ``whole``: as it came.
     Returns the pipeline of the last round, and its report.
     """
-    book = first_look(plant, runs, whole)
+    book = record_book(plant, runs, whole)
     while True:
         pipeline = begin(runs, book.record)
         pipeline.book = book

@@ -32,11 +32,11 @@ class PlantModel:
         self.plant = plant
         ported = wired(plant)
         #: All that the user's functions raised at points that they refused.
-        self.said: dict[str, None] = {}
+        self.raised: dict[str, None] = {}
 
         def pointwise(what: str, names: Sequence[str]) -> PointwiseFunction:
             return PointwiseFunction(
-                ported(getattr(plant.simulator, what)), len(names), what, names, plant.input_range, self.said
+                ported(getattr(plant.simulator, what)), len(names), what, names, plant.input_range, self.raised
             )
 
         self._rhs = pointwise("rhs", plant.states) if plant.access == "rhs" else None

@@ -59,7 +59,7 @@ class PointwiseFunction:
     input_range : ndarray (2, n_inputs), optional
         Least and largest recorded inputs, of a function that has answered at such: its probe stays within them, and every exception
         refuses a point; else those that arithmetic raises do, and others are mistakes in it.
-    said : dict, optional
+    raised : dict, optional
         Takes up all that it raises at points that it refuses.
     """
 
@@ -70,19 +70,19 @@ class PointwiseFunction:
         what: str,
         names: Sequence[str],
         input_range: np.ndarray | None = None,
-        said: dict[str, None] | None = None,
+        raised: dict[str, None] | None = None,
     ):
         self.function = function
         self.size = size
         self.what = what
         self.names = tuple(names)
         self.input_range = input_range
-        self.said = {} if said is None else said
+        self.raised = {} if raised is None else raised
         self.vectorised: bool | None = None
-        #: What the function said when it last refused a point.
+        #: What the function raised when it last refused a point.
         self.refusal = ""
         self._copies, self._wrote = False, ""
-        #: Whether ``said`` takes up answers that are nan too: looked at where a candidate has failed, for it takes time.
+        #: Whether ``raised`` takes up answers that are nan too: looked at where a candidate has failed, for it takes time.
         self.watched = False
 
     def probe(self, t: float, x: np.ndarray, u: np.ndarray, p: Mapping[str, Any], *extra: Any) -> None:
@@ -220,7 +220,7 @@ class PointwiseFunction:
         bad = np.flatnonzero((np.abs(points) < _RUNAWAY).all(axis=0) & offered(inputs) & np.isnan(values).any(axis=0))
         if len(bad):
             k = int(bad[0])
-            self.said[
+            self.raised[
                 f"{self.what} gives {[float(f'{v:.4g}') for v in values[:, k]]} for {list(self.names)} at x="
                 f"{[float(f'{v:.4g}') for v in points[:, k]]}, u={[float(f'{v:.4g}') for v in inputs[:, k]]}"
             ] = None
@@ -246,7 +246,7 @@ class PointwiseFunction:
         return self._each(t, x, u, p, *extra)
 
     def _check_refused(self, error: Exception) -> BaseException:
-        """What the function said where it refused a point; a mistake in it is raised."""
+        """What the function raised where it refused a point; a mistake in it is raised."""
         cause = error.__cause__ if isinstance(error, SimulatorError) else error
         if not (self.input_range is not None or isinstance(cause, REFUSALS)):
             raise error
@@ -265,7 +265,7 @@ class PointwiseFunction:
             except Exception as error:
                 cause = self._check_refused(error)
                 words = f"{type(cause).__name__}: {cause}"
-                self.said[words] = None
+                self.raised[words] = None
                 self.refusal = (
                     f" {self.what} last raised {words}, at t={times[m]:g}, x={x[:, m].tolist()}, u={u[:, m].tolist()}."
                 )

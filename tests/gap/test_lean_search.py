@@ -78,7 +78,7 @@ def searched(simulator, X, y, groups, first=False):
             kept.append(self)
             self.fit_null()
             if first:
-                self.looked_at(self.null.candidate)
+                self.base_and_screen(self.null.candidate)
             else:
                 super().run()
             raise KeyboardInterrupt

@@ -252,7 +252,7 @@ def test_noise_on_an_input_stays_only_where_the_names_are_likelier_with_it(score
     first = RecordBook(raw=None, names=None)
     second = first.with_fault(NoisyInput(0, 1, slow=SlowNoise(0.01, 0.001, np.zeros(1))), np.inf, score=10.0)
     search = SimpleNamespace(standing=SimpleNamespace(left=1.0, candidate=None), score=lambda _: score)
-    after = replace(second, closed=True).looked_at(search, np.arange(3), None)
+    after = replace(second, closed=True).with_next_fault(search, np.arange(3), None)
     assert bool(after.faults) == kept and after.closed
 
 

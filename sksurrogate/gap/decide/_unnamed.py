@@ -8,6 +8,7 @@ from typing import Any, ClassVar, Generic
 
 import numpy as np
 
+from sksurrogate._parallel._worker_process import PendingAnswer
 from sksurrogate.gap.decide._generic_correction import Correction
 from sksurrogate.gap.decide._held_out import HeldOut
 from sksurrogate.gap.decide._law_certificate import CertifiedLaw
@@ -59,8 +60,9 @@ class BaseUnnamed(ABC, Generic[C]):
         """The likeliest law beside what is named; None where none is compared with faults of the record."""
         return None
 
-    def look(self, final: Evidence[C]) -> None:
-        """What is seen on top of what is named."""
+    def ask_for_places(self, final: Evidence[C]) -> PendingAnswer[list[Place]] | None:
+        """The places of the gap, worked out while other questions are asked; None where they are not asked early."""
+        return None
 
     @abstractmethod
     def weigh(self, final: Evidence[C]) -> Posterior:

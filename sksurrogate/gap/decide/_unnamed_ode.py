@@ -104,10 +104,6 @@ class OdeUnnamed(BaseUnnamed[OdeCandidate]):
         problem = self.search.problem
         return generic_correction(problem.plant.simulator, correction, known_runs(problem))
 
-    def look(self, final: Evidence[OdeCandidate]) -> None:
-        """The places of the gap are compared while other questions are asked."""
-        self.ask_for_places(final)
-
     def weigh(self, final: Evidence[OdeCandidate]) -> Posterior:
         """What stands beside a law without a name, and how probable each of its effects is against one in its place."""
         if not final.effects:
@@ -126,7 +122,6 @@ class OdeUnnamed(BaseUnnamed[OdeCandidate]):
         self.places = asked.answer()
 
     def ask_for_places(self, final: Evidence[OdeCandidate]) -> PendingAnswer[list[Place]]:
-        """Worked out while other questions are asked."""
         search = self.search
         question = partial(places_of_gap, search.fitted_null, self.channels, final.left < SETTLED)
         self.places_asked = search.later.ask(question)

@@ -78,7 +78,7 @@ class RecordBook:
         known[fault.key] = known[fault.key].and_also(fault) if fault.key in known else fault
         return replace(self, faults=tuple(known.values()), earlier=self, left=left, score=score)
 
-    def looked_at(
+    def with_next_fault(
         self, search: BaseSearch[Any], rows: np.ndarray, law_left: Callable[[Any], LawLeft | None]
     ) -> RecordBook:
         """With the likeliest fault on top of what was named, or of nothing; itself where none is the reason of what is left.
@@ -138,7 +138,7 @@ def _bases(search: BaseSearch[Any], final: Evidence) -> list[Evidence]:
     return list(out.values())
 
 
-def first_look(plant: Plant, runs: Runs, whole: Record) -> RecordBook:
+def record_book(plant: Plant, runs: Runs, whole: Record) -> RecordBook:
     """The record with readings that are wrong by themselves."""
     names = Names(
         plant.inputs, plant.outputs, [run.label for run in runs], np.array([run.start for run in runs], dtype=int)

@@ -78,7 +78,7 @@ class Expander(SetSearch[OdeCandidate]):
         return base if same else problem.candidate(base.effects, base.fit)
 
     def expand(self, base: OdeCandidate, wanted: Wanted) -> list[OdeCandidate]:
-        base, found = self.looked_at(base, wanted.among, wanted.thorough)
+        base, found = self.base_and_screen(base, wanted.among, wanted.thorough)
         starts = [start for start in found.starts if start.evident or max(start.white, start.forced) >= wanted.least]
         chosen = best_starts(starts, wanted.by_white, wanted.by_forced, self.n_values)
         self.report(f"fitting {len(chosen)} candidates")
@@ -88,7 +88,7 @@ class Expander(SetSearch[OdeCandidate]):
         self.remember(candidates)
         return candidates + self.siblings(candidates, base) if wanted.siblings and candidates else candidates
 
-    def looked_at(
+    def base_and_screen(
         self, base: OdeCandidate, among: Sequence[BaseEffect] | None = None, thorough: bool = True
     ) -> tuple[OdeCandidate, Screen]:
         """The base with the numerics of the search, and its screen."""
@@ -197,7 +197,7 @@ class Expander(SetSearch[OdeCandidate]):
         if self.first_screen is None:
             return []
         if base.effects:
-            base, about = self.looked_at(base)
+            base, about = self.base_and_screen(base)
             found = best_pairs(beside(self.first_screen, about, base.keys), MOST_PAIRS)
             most = max(PROMISING * best, AT_THE_NOISE**2 * self.n_values)
             found = [pair for pair in found if about.left_by[0] - pair.drop < most]
@@ -216,7 +216,7 @@ class Expander(SetSearch[OdeCandidate]):
         return fits
 
     def left_beside(self, base: OdeCandidate, n: int) -> float:
-        return float(self.looked_at(base)[1].left_by[n])
+        return float(self.base_and_screen(base)[1].left_by[n])
 
     def known(self, base: OdeCandidate, effects: Sequence[BaseEffect]) -> list[OdeCandidate]:
         """A base with each of these effects, where it was fitted before with the same numerics; not far from the data, where
@@ -290,16 +290,16 @@ def effort(starts: Sequence[Start]) -> float:
 
 def to_message(problem: OdeBackend, fit: Callable[[], OdeCandidate | None]) -> Message:
     """A candidate without its model, which cannot travel between processes; where the simulator raises, what it said."""
-    said = len(problem.model.said)
+    before = len(problem.model.raised)
     try:
         candidate = fit()
-        if candidate is None and len(problem.model.said) == said:
+        if candidate is None and len(problem.model.raised) == before:
             with problem.model.watched():  # it has no finite run: the simulator's doing, or the effect's own?
                 fit()
     except (ArithmeticError, ValueError, SurrogateError) as error:
         return f"{type(error).__name__}: {error}"
-    if candidate is None and len(problem.model.said) > said:
-        return list(problem.model.said)[-1]
+    if candidate is None and len(problem.model.raised) > before:
+        return list(problem.model.raised)[-1]
     return None if candidate is None else (candidate.fit, candidate.problem.numerics)
 
 
