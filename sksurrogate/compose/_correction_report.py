@@ -61,16 +61,10 @@ def keep_supported(
 ) -> CorrectionReport:
     """Leave runs out, keep the share of the correction that they support, and say so.
 
-    Parameters
-    ----------
-    correction : fitted correction
-        Its ``keep`` is called.
-    inputs, measured : sequence of ndarray (n_samples, n_inputs | n_outputs)
-        The training runs.
-    names : sequence of str
-        Of the outputs.
-    fade : float, optional
-        None: ``LONGEST`` where the correction halves the error of every left-out block at least, or surely removes more than
+    ``correction``: its ``keep`` is called.
+    ``inputs, measured`` (n_samples, n_inputs | n_outputs): the training runs.
+    ``names``: of the outputs.
+    ``fade``: None: ``LONGEST`` where the correction halves the error of every left-out block at least, or surely removes more than
         half of the squared error and more than with the shorter reach; else as far as left-out blocks have tested it,
         :func:`supported_reach`.
     """
@@ -133,13 +127,8 @@ def supported_reach(departures: np.ndarray) -> float:
 
     What it does farther out nobody has seen, and one block does not tell how its errors vary from block to block.
 
-    Parameters
-    ----------
-    departures : ndarray (n_blocks,)
-        See :meth:`LeftOut.departures`.
+    ``departures`` (n_blocks,): see :meth:`LeftOut.departures`.
 
-    Examples
-    --------
     >>> import numpy as np
     >>> supported_reach(np.array([0.0, 0.4, 0.2, 0.0]))
     0.2

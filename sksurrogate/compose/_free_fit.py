@@ -106,10 +106,7 @@ def small_weights(net: Net, random_state: np.random.RandomState) -> np.ndarray:
 def cut_pieces(runs: Any, n_first: int, horizon: int | None) -> tuple[np.ndarray, np.ndarray]:
     """Inputs and outputs of pieces of ``horizon`` steps after their first rows; nan where a piece is shorter.
 
-    Returns
-    -------
-    U : ndarray (n_pieces, n_first + horizon, n_inputs)
-    target : ndarray (n_pieces, n_first + horizon, n_outputs)
+    Returns (n_pieces, n_first + horizon, n_inputs), (n_pieces, n_first + horizon, n_outputs).
     """
     longest = max(len(run) for run in runs) - n_first
     steps = longest if horizon is None else min(horizon, longest)

@@ -39,12 +39,8 @@ def folds_of(lengths: Sequence[int], n_lags: int) -> list[Fold]:
     A block is judged twice: started anew from its own first rows, as ``predict`` does, and in a free run from the start
     of its run on, as a long prediction does.
 
-    Parameters
-    ----------
-    lengths : sequence of int
-        Rows of every run.
-    n_lags : int
-        Rows that a free run starts from; a block has at least twice as many and two.
+    ``lengths``: rows of every run.
+    ``n_lags``: rows that a free run starts from; a block has at least twice as many and two.
     """
     n, shortest = len(lengths), 2 * n_lags + 2
     if n >= RUN_FOLDS:

@@ -69,19 +69,8 @@ def growth_along(
 ) -> StabilityReport:
     """Linearise a one-step model along free runs.
 
-    Parameters
-    ----------
-    step : callable
-        (n_rows, n_features) -> (n_rows, n_outputs); the first features are past outputs lag by lag.
-    features : sequence of ndarray (n_steps, n_features)
-        Features along every free run.
-    labels : sequence
-    lags : sequence of int
-    n_outputs : int
-
-    Returns
-    -------
-    StabilityReport
+    ``step``: (n_rows, n_features) -> (n_rows, n_outputs); the first features are past outputs lag by lag.
+    ``features`` (n_steps, n_features): features along every free run.
     """
     n_past = len(lags) * n_outputs
     every = [_slopes(step, phi, n_past, SMOOTH_HALF_WIDTH) for phi in features]

@@ -50,13 +50,9 @@ def block_powers(errors: Sequence[np.ndarray], ends: Sequence[tuple[int, int]], 
     Runs are cut into equal blocks where they are fewer than ``FEWEST_BLOCKS``. Errors of the same rows, in free runs from
     several starts, are one block: they do not tell of different rows.
 
-    Parameters
-    ----------
-    errors : sequence of ndarray (n_factors, n_rows, n_outputs)
-    ends : sequence of (int, int)
-        Run of every error, and the row behind its last.
-    lengths : sequence of int
-        Rows of every run.
+    ``errors`` (n_factors, n_rows, n_outputs).
+    ``ends``: run of every error, and the row behind its last.
+    ``lengths``: rows of every run.
     """
     cuts = max(1, -(-FEWEST_BLOCKS // len(lengths)))
     powers = np.zeros((len(errors[0]), len(lengths) * cuts, errors[0].shape[2]))
@@ -83,15 +79,9 @@ def supported(power: np.ndarray, factors: np.ndarray) -> Support:
     sizes, and nothing where one block alone gains. Blocks that gain much beside blocks that gain little make the gain
     uncertain, but not its sign.
 
-    Parameters
-    ----------
-    power : ndarray (n_factors, n_blocks)
-        Squared error of every block at every factor.
-    factors : ndarray (n_factors,)
-        From 0 on.
+    ``power`` (n_factors, n_blocks): squared error of every block at every factor.
+    ``factors`` (n_factors,): from 0 on.
 
-    Examples
-    --------
     >>> import numpy as np
     >>> factors = np.linspace(0.0, 1.0, 5)
     >>> half_right = np.array([(1.0 - f) ** 2 + f**2 for f in factors])[:, None] * np.ones(8)

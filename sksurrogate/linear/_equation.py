@@ -11,22 +11,10 @@ import numpy as np
 def equation(left: str, coef: np.ndarray, names: Sequence[Any] | np.ndarray, intercept: float, digits: int = 4) -> str:
     """``left = intercept + coef * name ...`` with the terms that are not zero.
 
-    Parameters
-    ----------
-    left : str
-    coef : ndarray (n_terms,)
-    names : sequence of str (n_terms,)
-        "1" stands for a constant.
-    intercept : float
-    digits : int, default=4
-        Significant ones.
+    ``coef`` (n_terms,).
+    ``names`` (n_terms,): "1" stands for a constant.
+    ``digits``: significant ones.
 
-    Returns
-    -------
-    str
-
-    Examples
-    --------
     >>> import numpy as np
     >>> equation("dq/dt", np.array([0.0, -2.0, 1.0]), ["q", "v", "q v"], 0.5)
     'dq/dt = 0.5 - 2 v + 1 q v'

@@ -251,15 +251,8 @@ def train_least_squares(
     Sets of more than 20000 rows are searched from several starts on a subsample; from the best one, all rows are then
     used, the normal equations added up in blocks.
 
-    Parameters
-    ----------
-    plan : Plan
-    rows : Rows
-    validation : Validation, optional
-    start : Layers, optional
-        Go on from here: no other starts.
-    memory : (theta, information), optional
-        A quadratic form that stands for rows seen before.
+    ``start``: go on from here: no other starts.
+    ``memory``: a quadratic form that stands for rows seen before.
     """
     if start is None and len(rows) <= WHOLE_JACOBIAN_ROWS:
         return _outcome(plan, rows, validation)
