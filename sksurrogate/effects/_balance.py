@@ -234,6 +234,10 @@ class SqrtLeak(BalanceEffect):
         return super().starts(probe) if np.any(probe.v > 0) else []
 
 
+#: An odd power below this one jumps at zero: at a hundredth of its signal's size it has a third of its force.
+JUMP = 0.25
+
+
 class PowerLaw(BalanceEffect):
     """A loss with an unknown exponent: ``- c v^m``, or ``- c v^m w`` of two signals; odd: ``v^m`` is ``sign(v) |v|^m``."""
 
@@ -262,6 +266,12 @@ class PowerLaw(BalanceEffect):
         others = _others(plant.states, location)
         used = tuple(f"{location}*{w}" for w in others + plant.inputs)
         return (*plant.states, *used, *(f"{w}*{location}" for w in others))
+
+    def plausible(self, theta: Sequence[float], probe: Probe) -> bool:
+        """No jump at zero: that is a dry friction, which has a width on a real plant."""
+        assert probe.v is not None
+        v = probe.factors[0] if len(probe.factors) == 2 else probe.v
+        return bool(theta[1] > JUMP or np.min(v) >= 0.0 or np.max(v) <= 0.0)
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
         """Exponents below and above one; none where v never is positive: there the loss would be a gain."""

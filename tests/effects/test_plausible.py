@@ -22,6 +22,7 @@ SAID = {
     "hidden_mode": (1.0, 4.0, 0.1),
     "hysteresis": (1.0, 0.3),
     "end_stop": (1.0, 0.7),
+    "power_law": (1.0, 0.5),
 }
 UNLIKELY = [
     ("lugre_friction", (1e4, 1.0, 1.5, 0.3)),
@@ -34,6 +35,7 @@ UNLIKELY = [
     ("hidden_mode", (1.0, 1.0, 30.0)),
     ("hysteresis", (1.0, 50.0)),
     ("end_stop", (1.0, -1.1)),
+    ("power_law", (1.0, 0.1)),
 ]
 
 
@@ -50,6 +52,12 @@ def test_an_effect_that_the_data_show_is_plausible(name, theta):
 @pytest.mark.parametrize(("name", "theta"), UNLIKELY)
 def test_a_form_that_has_lost_what_makes_the_effect_is_not(name, theta):
     assert not at(name).plausible(theta, PROBE)
+
+
+def test_a_level_that_stays_positive_may_hardly_depend_on_it():
+    level = 2.0 + V
+    probe = Probe(level, level, 1.0, DT, DT * N, N * np.arange(RUNS))
+    assert at("power_law").plausible((1.0, 0.1), probe)
 
 
 @pytest.mark.parametrize("name", ["stribeck_friction", "lugre_friction"])
