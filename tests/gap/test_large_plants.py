@@ -1,6 +1,7 @@
 """Large plants and many runs: what is near is asked first, columns are made in blocks, a value in every run costs no square."""
 
 import tracemalloc
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -152,3 +153,20 @@ def test_a_fault_has_values_in_the_runs_that_are_seen():
     np.testing.assert_array_equal(fault.values[[2, 5, 9]], np.arange(6.0).reshape(3, 2))
     assert len(fault.values) == 10 and not fault.values[[0, 1, 3, 4, 6, 7, 8]].any()
     np.testing.assert_array_equal(gains.fault(np.array([0.1])).values, 0.1 * (np.arange(10) == 2))
+
+
+def test_of_many_starting_values_the_best_of_every_effect_are_kept():
+    """Of a sine both quadratures of its best frequencies, and what is evident."""
+    sine, lag = CATALOGUE["periodic_disturbance"]("x"), CATALOGUE["hidden_relaxation"]("x", "x")
+
+    def start(effect, theta, white, evident=False):
+        return SimpleNamespace(effect=effect, theta=np.array(theta), white=white, forced=0.0, evident=evident)
+
+    starts = [
+        *(start(sine, (1.0, w, phase), 10.0 * w + phase) for w in (3.0, 1.0, 2.0) for phase in (0.0, 1.5)),
+        start(lag, (1.0, 5.0), 1.0),
+        start(lag, (1.0, 6.0), 2.0),
+        start(lag, (1.0, 7.0), 0.0, evident=True),
+    ]
+    assert list(_screen._best_of_each(starts, 1)) == [0, 1, 7, 8]
+    assert list(_screen._best_of_each(starts, 2)) == [0, 1, 4, 5, 6, 7, 8]

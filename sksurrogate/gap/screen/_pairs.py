@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -13,6 +13,8 @@ from sksurrogate.gap.screen._screen import Screen, Start, grown, grows
 
 #: Pairs with one effect in common.
 MOST_WITH_ONE = 3
+#: Columns that are paired with one another: the work grows with their square.
+MOST_PAIRED = 1500
 #: Columns closer than this (cosine) are one column.
 COLLINEAR = 0.9999
 
@@ -34,6 +36,9 @@ def best_pairs(screen: Screen, most: int) -> list[Pair]:
     keys = list(dict.fromkeys(start.effect.key for start in screen.starts))
     if len(keys) < 2 or screen.columns is None or not np.isfinite(screen.known).all():
         return []
+    screen = some(
+        screen, paired([start.effect.key for start in screen.starts], [start.white for start in screen.starts])
+    )
     columns, place = _Columns.of(screen), {key: i for i, key in enumerate(keys)}
     owner = np.array([place[start.effect.key] for start in screen.starts])
     of_key = [np.flatnonzero(owner == i) for i in range(len(keys))]
@@ -64,15 +69,40 @@ def beside(screen: Screen, base: Screen, taken: Collection[Any]) -> Screen:
     """
     if screen.columns is None:
         return screen
-    kept = [k for k, start in enumerate(screen.starts) if start.effect.key not in taken]
+    kept = some(screen, [k for k, start in enumerate(screen.starts) if start.effect.key not in taken])
+    return replace(base, starts=kept.starts, raw=kept.raw, columns=kept.columns, low=kept.low, high=kept.high)
+
+
+def some(screen: Screen, kept: Sequence[int]) -> Screen:
+    """A screen with some of its columns."""
+    assert screen.columns is not None
+    if len(kept) == len(screen.starts):
+        return screen
     return replace(
-        base,
+        screen,
         starts=[screen.starts[k] for k in kept],
         raw=[screen.raw[k] for k in kept],
         columns=screen.columns[kept],
         low=screen.low[kept],
         high=screen.high[kept],
     )
+
+
+def paired(keys: Sequence[Any], drops: Sequence[float], most: int = MOST_PAIRED) -> list[int]:
+    """Places of the best starting values of every effect, as many of each as leave ``most`` in all, one at least.
+
+    Examples
+    --------
+    >>> paired(["lag", "lag", "lag", "loss", "lag"], [1.0, 4.0, 3.0, 0.5, 2.0], most=3)
+    [1, 2, 3]
+    """
+    rank = dict.fromkeys(keys, 0)
+    ranks = np.zeros(len(keys), int)
+    for k in np.argsort(-np.asarray(drops), kind="stable"):
+        ranks[k] = rank[keys[k]]
+        rank[keys[k]] += 1
+    each = max(int(np.searchsorted(np.cumsum(np.bincount(ranks)), most, side="right")), 1)
+    return [int(k) for k in np.flatnonzero(ranks < each)]
 
 
 @dataclass(frozen=True, eq=False)

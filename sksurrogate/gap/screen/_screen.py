@@ -198,14 +198,15 @@ def _block(s: Responses, columns: list[Column], noise: Noise | None, most: int |
 
 
 def _best_of_each(starts: Sequence[Start], most: int) -> np.ndarray:
-    """Places of the best starting values of every effect, in their order; evident ones, and both quadratures of every sine, stay."""
-    by_effect: dict[int, list[int]] = {}
-    for k in sorted(range(len(starts)), key=lambda k: -max(starts[k].white, starts[k].forced)):
-        by_effect.setdefault(id(starts[k].effect), []).append(k)
+    """Places of the best starting values of every effect, in their order, both quadratures of a sine; evident ones stay."""
+    ranks: dict[int, dict[object, int]] = {}
     kept = []
-    for places in by_effect.values():
-        sine = any(parameter.name == "phase" for parameter in starts[places[0]].effect.parameters)
-        kept += [k for rank, k in enumerate(places) if rank < most or sine or starts[k].evident]
+    for k in sorted(range(len(starts)), key=lambda k: -max(starts[k].white, starts[k].forced)):
+        effect, values = starts[k].effect, starts[k].theta
+        sine = any(parameter.name == "phase" for parameter in effect.parameters)
+        rank = ranks.setdefault(id(effect), {})
+        if rank.setdefault(float(values[1]) if sine else k, len(rank)) < most or starts[k].evident:
+            kept.append(k)
     return np.array(sorted(kept), dtype=int)
 
 
