@@ -72,7 +72,9 @@ def test_an_effect_that_is_not_certain_is_named_with_its_probability():
     )
     unsized = Reasons("uncertain_names", "", {"sized": False})
     said = headline(report(replace(FRICTION, probability=0.99), verdict="unknown", reasons=unsized))
-    assert said.endswith("of the gap on held-out runs: the interval of a magnitude holds no effect at all.")
+    assert said.endswith(
+        "of the gap on held-out runs: the interval of a magnitude includes the value at which it does nothing."
+    )
 
 
 def test_a_free_parameter_that_moved_is_a_change_too():

@@ -127,8 +127,8 @@ RULES: tuple[Rule, ...] = (
         "uncertain_names",
         lambda f: f.names > 0 and not certain(f),
         "unknown",
-        "An effect closes part of the gap, but another effect or a law without a name explains it as well, or its interval holds no "
-        "effect.",
+        "An effect closes part of the gap, but another effect or a law without a name explains it as well, or the interval "
+        "of its magnitude includes the value at which it does nothing.",
     ),
     Rule(
         "at_a_bound",

@@ -106,7 +106,7 @@ def _uncertain(report: ReportData) -> str:
     """The likeliest effects, none of which is certain."""
     likely = confidence(min(effect.probability for effect in report.effects))
     if not report.reasons.features.get("sized", True):
-        likely = "the interval of a magnitude holds no effect at all"
+        likely = "the interval of a magnitude includes the value at which it does nothing"
     be = "is" if len(report.effects) == 1 else "are"
     return f"No effect is certain. The likeliest {be} {_named(report)}{_which_closes(report)}: {likely}.{_with_law(report)}"
 
