@@ -11,6 +11,7 @@ from sksurrogate.gap.decide._rules import DecisionFeatures, first_rule
 from sksurrogate.gap.decide._unnamed_ode import OdeUnnamed
 from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.fit._ode import Numerics, OdeCandidate
+from sksurrogate.gap.search import _set_search
 from sksurrogate.gap.search._base import Wanted
 from sksurrogate.gap.search._ode_search import OdeSearch
 from sksurrogate.gap.search._stopping import grows_in_vain, is_stack
@@ -111,3 +112,30 @@ def test_three_names_that_leave_a_law_are_withdrawn_and_of_two_one_law_may_take_
     assert bool(said) is (rule == "imitations")
     assert not said or "effect_0, effect_1, effect_2 passed" in said[0]
     assert asked == [null if base == "null" else final for base in bases]
+
+
+@pytest.mark.parametrize(("leads", "grown"), [("rich", "rich"), ("simple", "simple"), (None, None)])
+def test_a_set_grows_on_from_the_form_that_leads_to_the_noise(monkeypatch, leads, grown):
+    """A loss in place of a friction has fewer parameters, and does not show the lag that is missing beside the friction."""
+
+    class Named:
+        effects, fit = (1, 2), SimpleNamespace(cost=9.0)
+
+        def __init__(self, name):
+            self.name, self.keys = name, (name,)
+
+    rich, simple = Named("rich"), Named("simple")
+    stood, asked = [], []
+    search = SimpleNamespace(
+        is_far=lambda one: True,
+        judged={rich: SimpleNamespace(left=20.0, fit=rich.fit)},
+        tolerated_cost=10.0,
+        leads_on=lambda one, n: one.name == leads,
+        stand=lambda one: stood.append(one.name) or one,
+        one_more=lambda one, passed: asked.append(one.name),
+    )
+    monkeypatch.setattr(_set_search, "fewest_parameters", lambda search, best: simple)
+    monkeypatch.setattr(_set_search, "reformed", lambda search, best: None)
+    _set_search.SetSearch.grow(search, rich, True, None)
+    assert stood == [grown or "simple"]
+    assert asked == ([grown] if grown else [])

@@ -73,8 +73,10 @@ class SetSearch(SetMoves[C]):
             far = passed and len(best.effects) > 1 and self.is_far(best)
             if far and closes_by_size(self.judged[best], self.tolerated_cost):
                 # Of one name a second may show that it was the wrong one.
-                best = self.stand(fewest_parameters(self, best))
-                if not self.leads_on(best, MOST_EFFECTS - len(best.effects)):
+                fewest, n = fewest_parameters(self, best), MOST_EFFECTS - len(best.effects)
+                leading = next((one for one in dict.fromkeys((fewest, best)) if self.leads_on(one, n)), None)
+                best = self.stand(leading or fewest)
+                if leading is None:
                     break
             better = self.one_more(best, passed) or (reformed(self, best) if passed else None)
             left_behind[frozenset(best.keys)] = best.fit.cost
