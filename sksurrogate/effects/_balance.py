@@ -116,7 +116,7 @@ class CoulombFriction(_DryFriction):
     """Dry friction: ``- c sign(v)``."""
 
     name = "coulomb_friction"
-    at_port = ("speed",)
+    at_port = ("speed", "level")
     parameters = (Parameter("level", low=0.0, unit="dx/dt"),)
     equation = "- c sign(v)"
     signature = "a square wave with the sign of v; free motion stops in finite time; worst at small amplitudes"
@@ -137,7 +137,7 @@ class AsymmetricFriction(_DryFriction):
     """Dry friction that differs by direction: ``- c sign(v) - c2``."""
 
     name = "asymmetric_friction"
-    at_port = ("speed",)
+    at_port = ("speed", "level")
     parameters = (Parameter("level", low=0.0, unit="dx/dt"), Parameter("offset", unit="dx/dt"))
     equation = "- c sign(v) - c2"
     signature = "a square wave with the sign of v about a mean that is not zero"
@@ -155,7 +155,7 @@ class StribeckFriction(BalanceEffect):
 
     name = "stribeck_friction"
     natural_drivers = ("own",)
-    at_port = ("speed",)
+    at_port = ("speed", "level")
     implausible = ("position",)
     parameters = (
         Parameter("level", low=0.0, unit="dx/dt"),

@@ -185,7 +185,17 @@ def test_a_flow_between_two_tanks_is_a_port_driven_by_their_levels():
     plant = describe(ODESimulator(tanks, **names, params={}, dt=1.0))
     assert places_of(plant, ["upper", "lower"]).ports == (Port("flow", levels=("upper", "lower")),)
     assert ("sqrt_leak", "flow", "upper") in keys(build_effects(plant, ["upper", "lower"], "sqrt_leak"))
-    assert not any(e.location == "flow" for e in build_effects(plant, ["upper", "lower"], "coulomb_friction"))
+    assert not any(e.location == "flow" for e in build_effects(plant, ["upper", "lower"], "cubic_stiffness"))
+
+
+def test_a_speed_whose_angle_is_not_modelled_may_have_dry_friction_at_the_torque():
+    def wheel(t, x, u, p):
+        return -u[0] / 40.0, u[0] / 0.05
+
+    names = {"states": ["rate", "wheel"], "inputs": ["torque"], "outputs": ["rate", "wheel"]}
+    plant = describe(ODESimulator(wheel, **names, params={}, dt=1.0))
+    for name in ("coulomb_friction", "asymmetric_friction", "stribeck_friction"):
+        assert (name, "torque", "wheel") in keys(build_effects(plant, ["rate", "wheel"], name))
 
 
 def test_a_place_that_is_neither_says_what_there_is():

@@ -51,6 +51,26 @@ def test_dry_friction_in_a_joint_is_named_at_its_torque():
     assert (report.where.kind, report.where.location) == ("input", "t2")
 
 
+def test_dry_friction_of_a_wheel_without_an_angle_is_named_at_its_torque():
+    def wheel(t, x, u, p):
+        return -u[0] / 4.0, u[0] / 0.05
+
+    def real(t, x, u, p):
+        return wheel(t, x, [u[0] - 0.012 * np.tanh(x[1] / 0.05)], p)
+
+    names = {"states": ["rate", "wheel"], "inputs": ["torque"], "outputs": ["rate", "wheel"]}
+    simulator, plant = (ODESimulator(rhs, **names, params={}, dt=0.5) for rhs in (wheel, real))
+    t, rng = 0.5 * np.arange(120), np.random.default_rng(0)
+    U = np.stack([0.06 * np.cos(w * t) for w in (0.21, 0.29, 0.37)])[..., None]
+    y = np.concatenate([plant.simulate(u) for u in U])
+    y += 0.01 * y.std(axis=0) * rng.normal(size=y.shape)
+    names = ["coulomb_friction", "power_law", "linear_loss"]
+    diagnoser = GapDiagnoser(simulator, effects=names, random_state=0)
+    report = diagnoser.fit(U.reshape(-1, 1), y, groups=np.repeat(np.arange(3), 120)).report_
+    assert [(e.name, e.location, e.variable) for e in report.effects] == [("coulomb_friction", "torque", "wheel")]
+    assert report.effects[0].params["level"] == pytest.approx(0.012, rel=0.03)
+
+
 def test_a_missing_force_at_an_input_comes_as_an_effect():
     U, y, runs, X0 = recorded(dry)
     plant = describe(arm())
