@@ -199,12 +199,13 @@ class ClosedLoopSimulator(InnerRunsMixin, BaseSimulator):
             after += list(self._moved(layout.controller, t, x[n:], reads, layout.controller.params, dt))
         return after
 
-    def output(self, t: Any, x: Any, u: Any, p: Mapping[str, Any]) -> list[Any]:
-        """Outputs of the plant, and commands."""
+    def output(self, t: Any, x: Any, u: Any, p: Mapping[str, Any], forces: Any = None) -> list[Any]:
+        """Outputs of the plant, and commands as the controller gives them: without the forces, which add behind it."""
         layout, n = self._layout(), len(self._layout().plant.states)
-        enters, _, _ = self._connected(t, x, u, p, None)
-        shown = dict(zip(layout.plant.inputs, enters))
-        shown.update(zip(layout.plant.outputs, _outputs(layout.plant, t, x[:n], enters, p)))
+        commanded, _, _ = self._connected(t, x, u, p, None)
+        enters, _, further = (commanded, None, ()) if forces is None else self._connected(t, x, u, p, forces)
+        shown = dict(zip(layout.plant.inputs, commanded))
+        shown.update(zip(layout.plant.outputs, _outputs(layout.plant, t, x[:n], enters, p, *further)))
         return [shown[name] for name in self.described()["outputs"]]
 
     @property
@@ -316,10 +317,10 @@ def _check_causal(layout: _Layout) -> None:
             )
 
 
-def _outputs(one: Plant, t: Any, x: Any, u: Any, p: Any) -> Any:
+def _outputs(one: Plant, t: Any, x: Any, u: Any, p: Any, *further: Any) -> Any:
     """Outputs of plant or controller at a point."""
     places = one.output_states
-    return one.simulator.output(t, x, u, p) if places is None else [x[i] for i in places]
+    return one.simulator.output(t, x, u, p, *further) if places is None else [x[i] for i in places]
 
 
 def _stacked(values: list[Any], like: Any) -> Any:

@@ -2,7 +2,9 @@
 
 import numpy as np
 import pytest
+from sklearn.base import clone
 
+from sksurrogate.effects import CATALOGUE, AugmentedSimulator
 from sksurrogate.exceptions import SimulatorError
 from sksurrogate.gap import GapDiagnoser
 from sksurrogate.physics import ClosedLoopSimulator, ODESimulator, StepSimulator
@@ -99,6 +101,27 @@ def test_forces_at_the_driven_input_add_to_the_command():
     plain, pushed = (np.array(loop.rhs(0.0, x, u, CART.params, *f)) for f in ((), ([2.0],)))
     np.testing.assert_allclose(pushed - plain, [0.0, 2.0, 0.0])
     assert plain[1] == pytest.approx(3.0 * (0.5 - 0.2) + 2.0 * 0.3 + 0.4 - 2.0 * 0.1 - 0.5 * 0.2)
+
+
+def test_forces_reach_the_outputs_of_the_plant_and_not_the_command():
+    outputs = {"outputs": ["v", "rate"], "output": lambda t, x, u, p: [x[1], cart(t, x, u, p)[1]]}
+    names = {"states": ["q", "v"], "inputs": ["force", "wind"], "params": CART.params, "dt": DT}
+    loop = ClosedLoopSimulator(ODESimulator(cart, **names, **outputs), CONTINUOUS, outputs=["v", "rate", "force"])
+    x, u = np.array([0.1, 0.2, 0.3]), np.array([0.4, 0.5])
+    plain, pushed = (np.array(loop.output(0.0, x, u, CART.params, *f)) for f in ((), ([2.0],)))
+    np.testing.assert_allclose(pushed - plain, [0.0, 2.0, 0.0])
+
+
+@pytest.mark.parametrize("controller", [CONTINUOUS, SAMPLED], ids=["continuous", "sampled"])
+def test_a_loss_at_the_driven_input_is_that_of_the_plant(controller):
+    shown = ["v", "force"]
+    loops = [
+        ClosedLoopSimulator(clone(CART).set_params(params={**CART.params, "c": c}), controller, outputs=shown)
+        for c in (0.5, 1.2)
+    ]
+    there = AugmentedSimulator(loops[0], [CATALOGUE["linear_loss"]("force", "v")], [{"coefficient": 0.7}])
+    U = np.random.default_rng(0).normal(size=(40, 2))
+    np.testing.assert_allclose(there.simulate(U), loops[1].simulate(U), atol=0.01)
 
 
 @pytest.mark.parametrize(
