@@ -22,6 +22,8 @@ LEAVE_A_LAW = (
     "{names} passed the evidence, but together they leave a law that is larger than the tolerance: so many names are rather an "
     "imitation of one missing effect. No name is given."
 )
+#: The effect that adds a constant, by the kind of its place.
+CONSTANTS = {"state": "constant_bias", "input": "input_bias", "output": "sensor_bias"}
 
 
 class LawStage(DiagnosisState[C]):
@@ -43,7 +45,13 @@ class LawStage(DiagnosisState[C]):
         if beside is not None:
             found.held, found.beside = beside.held, beside
             self.measure()
-            found.law = law_of(beside, self.problem.plant, found.shrink)
+            law = law_of(beside, self.problem.plant, found.shrink)
+            found.law = replace(law, certified=law.certified and not self.did_not_stand(law))
+
+    def did_not_stand(self, law: Law) -> bool:
+        """Whether a law is an effect of the catalogue that was asked and is not named: a constant."""
+        asked = {(effect.name, effect.location) for effect in self.search.library}
+        return law.is_constant and (CONSTANTS[law.kind], law.location) in asked
 
     def names_may_imitate(self, verdict: str) -> bool:
         """Whether one effect without a name may be behind all names: a stack, or names of several places or signals that leave more than noise."""

@@ -66,6 +66,11 @@ class Law:
         return self.certified and not self.is_curve
 
     @property
+    def is_constant(self) -> bool:
+        """Whether no signal drives it."""
+        return not self.is_curve and not any(term.factors for term in self.effect.terms)
+
+    @property
     def latex(self) -> str:
         """The formula for LaTeX, without dollar signs."""
         return str(self.effect.text(latex=True))
