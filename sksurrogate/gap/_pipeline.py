@@ -133,13 +133,15 @@ class DiagnosisPipeline(LawStage[C]):
 
     def find_equivalents(self) -> None:
         """What could stand in the place of each name; then what stands is settled."""
-        self.found.slots, self.posterior = canonical_classes(self.search, self.posterior)
+        self.found.classes, self.posterior = canonical_classes(self.search, self.posterior)
 
     def leave_runs_out(self) -> None:
         """Names chosen and fitted without each fold of runs, and what needs no name; the next experiment in the second process."""
         found, final = self.found, self.final
-        self.experiment = self.search.second.ask(partial(next_experiment, final, found.slots, self.unnamed.separations))
-        found.finals = names_by_fold(self.search, final, found.slots)
+        self.experiment = self.search.second.ask(
+            partial(next_experiment, final, found.classes, self.unnamed.separations)
+        )
+        found.finals = names_by_fold(self.search, final, found.classes)
         without = self.baseline.held(self.null, bool(final.effects))
         found.held = held_out(found.finals, without, same_names(found.finals, final.candidate))
 

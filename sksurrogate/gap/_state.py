@@ -9,7 +9,7 @@ from typing import Any, Generic
 import numpy as np
 
 from sksurrogate._parallel._worker_process import PendingAnswer
-from sksurrogate.gap.decide._equivalence import Slot, probabilities
+from sksurrogate.gap.decide._equivalence import EquivalenceClass, probabilities
 from sksurrogate.gap.decide._held_out import HeldOut, measure, shares
 from sksurrogate.gap.decide._intervals import intervals, is_sized
 from sksurrogate.gap.decide._partial_results import PartialResults, Parts, WithIntervals
@@ -89,8 +89,8 @@ class DiagnosisState(Generic[C]):
             return
         if final.effects:
             own, retuning = shares(final.candidate, found.shrink.fraction_power)
-            slots = found.slots or [Slot[C](i, []) for i in range(len(final.effects))]
-            chances = probabilities(self.search, final.candidate, slots, self.posterior)
+            classes = found.classes or [EquivalenceClass[C](i, []) for i in range(len(final.effects))]
+            chances = probabilities(self.search, final.candidate, classes, self.posterior)
             found.parts = Parts(tuple(own), retuning, tuple(chances))
         else:
             found.parts = Parts(retuning=found.shrink.fraction_power if found.retuned else 0.0)
@@ -114,7 +114,7 @@ class DiagnosisState(Generic[C]):
         found, null, held = self.found, self.null, self.found.held
         assert held is not None
         found.uncertified = why
-        self.search.final, found.slots, found.finals = null, [], []
+        self.search.final, found.classes, found.finals = null, [], []
         found.parts, found.values, found.experiment = Parts(), None, None
         self.unnamed.withdraw(null)
         after = held.retuned if self.problem.free else held.before

@@ -7,7 +7,7 @@ import pytest
 
 from sksurrogate.effects._catalogue import CATALOGUE
 from sksurrogate.gap import GapDiagnoser
-from sksurrogate.gap.decide._equivalence import Slot, Twin, _first_twin, rank
+from sksurrogate.gap.decide._equivalence import EquivalenceClass, Twin, _first_twin, rank
 from sksurrogate.physics import ODESimulator
 
 RUNS, ROWS = 3, 150
@@ -104,6 +104,8 @@ def test_the_order_of_twins_is_total():
 ])  # fmt: skip
 def test_the_simplest_member_of_a_class_stands(named, other, same, known, stands):
     effect, twin = (CATALOGUE[name]("level", *(["level"] if name == "hidden_mode" else [])) for name in (named, other))
-    slot = Slot(0, [Twin(SimpleNamespace(effects=[twin]), same)], SimpleNamespace(effects=[effect]) if known else None)
-    found = _first_twin(slot, effect, ())
+    its_class = EquivalenceClass(
+        0, [Twin(SimpleNamespace(effects=[twin]), same)], SimpleNamespace(effects=[effect]) if known else None
+    )
+    found = _first_twin(its_class, effect, ())
     assert (found is not None and found.effect is twin) == stands

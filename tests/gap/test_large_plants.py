@@ -77,11 +77,7 @@ def test_all_states_of_a_small_plant_are_near():
 
 def test_laws_stand_where_their_signals_are_near(small):
     problem, smoothed = problem_of(*runs(CATALOGUE["linear_loss"]("b", "b"), {"coefficient": 0.3}))
-    places = {
-        (c.location, c.variable)
-        for c, _, kind in in_all_places(problem.fit((), np.zeros(0), smoothed.x))
-        if kind == "state"
-    }
+    places = {law.place for law in in_all_places(problem.fit((), np.zeros(0), smoothed.x)) if law.kind == "state"}
     assert {("a", "b"), ("a", "u"), ("a", "b*u"), ("b", "a*c")} <= places
     assert not {("a", "c"), ("c", "a"), ("a", "a*c"), ("c", "c*a")} & places
 

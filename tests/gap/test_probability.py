@@ -8,7 +8,7 @@ import pytest
 from sksurrogate.blind import draw
 from sksurrogate.effects._balance import ConstantBias, LinearLoss
 from sksurrogate.gap import GapDiagnoser
-from sksurrogate.gap.decide._equivalence import Slot, Twin, probabilities
+from sksurrogate.gap.decide._equivalence import EquivalenceClass, Twin, probabilities
 from sksurrogate.gap.decide._posterior import Posterior
 from sksurrogate.gap.search._ode_search import EQUAL
 from sksurrogate.physics import ODESimulator
@@ -25,7 +25,7 @@ def chance(twins=(), rejected=(), null=-500.0, posterior=1.0, elsewhere=()):
     null = SimpleNamespace(candidate=candidate(value=null))
     search = SimpleNamespace(score=lambda one: one.value, own=lambda one: one, null=null, fitted=fitted, n_values=100)
     asked = Posterior((posterior,), None, elsewhere=tuple(elsewhere))
-    (found,) = probabilities(search, final, [Slot(0, [Twin(one, True) for one in twins])], asked)
+    (found,) = probabilities(search, final, [EquivalenceClass(0, [Twin(one, True) for one in twins])], asked)
     return found
 
 

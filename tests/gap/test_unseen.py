@@ -8,7 +8,7 @@ import pytest
 from sksurrogate.effects import CATALOGUE
 from sksurrogate.gap.fit._build import build_problem
 from sksurrogate.gap.fit._evidence import estimate_noise
-from sksurrogate.gap.fit._prior import shown, start_cost
+from sksurrogate.gap.fit._prior import seen_square, start_cost
 from sksurrogate.gap.screen._responses import Responses
 from sksurrogate.gap.screen._screen import screen
 from sksurrogate.gap.screen._unseen_starts import Unseen
@@ -108,4 +108,4 @@ def test_a_start_that_outputs_show_costs_what_its_distance_does():
 def test_what_is_shown_of_a_start_whatever_the_size_of_the_slopes(size):
     """A diagnosis had ended where a free run bursts: two states seen as one, with slopes beyond all digits."""
     H, x = size * np.array([[1.0, -1.0], [-1.0, 1.0]]), np.array([3.0, 1.0])
-    assert shown(H, x) == pytest.approx(2.0 * size / (1.0 + 2.0 * size) * 2.0)
+    assert seen_square(H, x) == pytest.approx(2.0 * size / (1.0 + 2.0 * size) * 2.0)

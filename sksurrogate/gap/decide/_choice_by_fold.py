@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sksurrogate.gap.decide._equivalence import Slot
+from sksurrogate.gap.decide._equivalence import EquivalenceClass
 from sksurrogate.gap.fit._backend import BaseCandidate
 from sksurrogate.gap.fit._evidence import C, Evidence, evidence_threshold, judged_under
 from sksurrogate.gap.fit._linear_set import linear_set
@@ -90,14 +90,14 @@ def chosen_without(
     return out
 
 
-def names_by_fold(search: BaseSearch[C], final: Evidence[C], slots: Sequence[Slot[C]]) -> list[C]:
+def names_by_fold(search: BaseSearch[C], final: Evidence[C], classes: Sequence[EquivalenceClass[C]]) -> list[C]:
     """The candidate that the runs outside each fold choose: the final one, or another set of as many effects.
 
     ``final``: what all runs choose.
-    ``slots``: its classes: their members count as the same names.
+    ``classes``: of its effects: their members count as the same names.
     """
     named = final.candidate
-    others = _others(search, named, slots)
+    others = _others(search, named, classes)
     known = [[noise for noise in (search.noise_of(one), final.noise) if noise is not None] for one in others]
     return choices_by_fold(
         search, [(named, [final.noise], 0.0), *((one, noises, 0.0) for one, noises in zip(others, known))]
@@ -120,13 +120,13 @@ def choices_by_fold(search: BaseSearch[C], choices: Sequence[tuple[C, Sequence[N
     return [candidates[0 if pick is None else 1 + pick] for pick in picks]
 
 
-def _others(search: BaseSearch[C], final: C, slots: Sequence[Slot[C]]) -> list[C]:
+def _others(search: BaseSearch[C], final: C, classes: Sequence[EquivalenceClass[C]]) -> list[C]:
     """Candidates that differ from the final one in one effect, outside of its class; the best on all runs."""
     keys = frozenset(final.keys)
     same = set()
-    for slot in slots:
-        own = final.effects[slot.index].key
-        kin = slot.keys | set(search.richer.get(own, []))
+    for its_class in classes:
+        own = final.effects[its_class.index].key
+        kin = its_class.keys | set(search.richer.get(own, []))
         same |= {(keys - {own}) | {key} for key in kin}
     found = [
         candidate

@@ -41,7 +41,7 @@ class Twin(Generic[C]):
 
 
 @dataclass(frozen=True, eq=False)
-class Slot(Generic[C]):
+class EquivalenceClass(Generic[C]):
     """One named effect and the candidates that could stand in its place."""
 
     index: int
@@ -54,24 +54,26 @@ class Slot(Generic[C]):
         return {twin.effect.key for twin in self.twins}
 
 
-def equivalents(search: BaseSearch[C], final: Evidence[C], as_likely: Sequence[Any]) -> list[Slot[C]]:
-    """Refit every other candidate in each slot under the final noise model; those within :data:`EQUAL` are its class.
+def equivalents(search: BaseSearch[C], final: Evidence[C], as_likely: Sequence[Any]) -> list[EquivalenceClass[C]]:
+    """Refit every other candidate in each place under the final noise model; those within :data:`EQUAL` are its class.
 
     So are sets that are ``as_likely`` beside a law of their own.
     """
-    return [_with_as_likely(_slot(search, final, i), final, as_likely) for i in range(len(final.effects))]
+    return [_with_as_likely(_class_in_place(search, final, i), final, as_likely) for i in range(len(final.effects))]
 
 
-def _with_as_likely(slot: Slot[C], final: Evidence[C], as_likely: Sequence[Any]) -> Slot[C]:
-    """The class of one slot with the other effects that are as likely in its place."""
-    own = final.effects[slot.index].key
-    beside, known = set(final.candidate.keys) - {own}, {own, *slot.keys}
+def _with_as_likely(
+    its_class: EquivalenceClass[C], final: Evidence[C], as_likely: Sequence[Any]
+) -> EquivalenceClass[C]:
+    """A class with the other effects that are as likely in the place of its own."""
+    own = final.effects[its_class.index].key
+    beside, known = set(final.candidate.keys) - {own}, {own, *its_class.keys}
     more = [one for one in as_likely if set(one.keys[:-1]) == beside and one.keys[-1] not in known]
-    return replace(slot, twins=[*slot.twins, *(Twin(one, predicts_the_same(one, final)) for one in more)])
+    return replace(its_class, twins=[*its_class.twins, *(Twin(one, predicts_the_same(one, final)) for one in more)])
 
 
-def _slot(search: BaseSearch[C], final: Evidence[C], i: int) -> Slot[C]:
-    """The class of one slot."""
+def _class_in_place(search: BaseSearch[C], final: Evidence[C], i: int) -> EquivalenceClass[C]:
+    """What could stand in the place of effect i."""
     named, own = final.candidate, final.effects[i].key
 
     def worth(candidate: C) -> float:
@@ -97,7 +99,7 @@ def _slot(search: BaseSearch[C], final: Evidence[C], i: int) -> Slot[C]:
                 search.richer.setdefault(final.effects[i].key, []).append(candidate.effects[-1].key)
         else:
             twins.append(Twin(candidate, same))
-    return Slot(i, twins, itself)
+    return EquivalenceClass(i, twins, itself)
 
 
 def predicts_the_same(candidate: BaseCandidate, final: Evidence) -> bool:
@@ -148,38 +150,38 @@ def rank(effect: BaseEffect, positions: Collection[str] = ()) -> tuple[int, floa
     return len(effect.parameters), before, begins, kind, place, effect.name, str(effect.location), effect.variable or ""
 
 
-def canonical_classes(search: BaseSearch[C], posterior: Posterior) -> tuple[list[Slot[C]], Posterior]:
+def canonical_classes(search: BaseSearch[C], posterior: Posterior) -> tuple[list[EquivalenceClass[C]], Posterior]:
     """The class of every named effect; where an exact or a simpler twin comes first by :func:`rank`, that stands, and is settled.
 
     Which of two twins a search meets first hangs on rounding, and so on the unit of time and on the order of the states.
 
     ``search``: its ``final`` may become another.
     ``posterior``: of what stands.
-    Returns ``slots``: in the order of the effects that stand then.
+    Returns ``classes``: in the order of the effects that stand then.
     Returns ``posterior``: in the same order.
     """
     final = search.standing
-    slots, kept = equivalents(search, final, posterior.as_likely), list(posterior.probabilities)
+    classes, kept = equivalents(search, final, posterior.as_likely), list(posterior.probabilities)
     for own in final.effects:
         i = [effect.key for effect in final.effects].index(own.key)
-        twin = _first_twin(slots[i], own, search.positions)
+        twin = _first_twin(classes[i], own, search.positions)
         first = None if twin is None else _beside_the_others(search, final, i, twin.candidate)
         if twin is None or first is None:
             continue
         final = search.final = search.judge(
             estimate_noise(first, final.noise, final.curvature, max_iterations=FEW_STEPS)
         )
-        contained = [*([own.key] if slots[i].own is None else []), *search.richer.get(own.key, [])]
+        contained = [*([own.key] if classes[i].own is None else []), *search.richer.get(own.key, [])]
         search.richer.setdefault(first.effects[-1].key, []).extend(contained)
-        order = [*(k for k in range(len(slots)) if k != i), i]  # the twin stands last in its candidate
-        slots = [replace(slots[k], index=n) for n, k in enumerate(order)]
-        slots[-1] = _seen_from(slots[-1], twin)
+        order = [*(k for k in range(len(classes)) if k != i), i]  # the twin stands last in its candidate
+        classes = [replace(classes[k], index=n) for n, k in enumerate(order)]
+        classes[-1] = _seen_from(classes[-1], twin)
         kept = [kept[k] for k in order] if kept else kept
     search.settle()
-    return slots, replace(posterior, probabilities=tuple(kept))
+    return classes, replace(posterior, probabilities=tuple(kept))
 
 
-def _first_twin(slot: Slot[C], own: BaseEffect, positions: Collection[str]) -> Twin[C] | None:
+def _first_twin(its_class: EquivalenceClass[C], own: BaseEffect, positions: Collection[str]) -> Twin[C] | None:
     """The twin that comes before the named effect: an exact one, or one with fewer parameters. None where that is the first itself."""
 
     def place(twin: Twin[C]) -> tuple[Any, ...]:
@@ -188,8 +190,8 @@ def _first_twin(slot: Slot[C], own: BaseEffect, positions: Collection[str]) -> T
     before, size = rank(own, positions), len(own.parameters)
     ahead = [
         twin
-        for twin in slot.twins
-        if (twin.same and slot.own is not None and place(twin) < before) or len(twin.effect.parameters) < size
+        for twin in its_class.twins
+        if (twin.same and its_class.own is not None and place(twin) < before) or len(twin.effect.parameters) < size
     ]
     return min(ahead, key=place, default=None)
 
@@ -203,14 +205,16 @@ def _beside_the_others(search: BaseSearch[C], final: Evidence[C], i: int, twin: 
     return next(again, None)
 
 
-def _seen_from(slot: Slot[C], twin: Twin[C]) -> Slot[C]:
+def _seen_from(its_class: EquivalenceClass[C], twin: Twin[C]) -> EquivalenceClass[C]:
     """The same class with a twin as the named effect."""
-    named = [] if slot.own is None else [Twin(slot.own, twin.same)]
-    others = [one for one in slot.twins if one is not twin]
-    return replace(slot, twins=[*named, *others], own=twin.candidate)
+    named = [] if its_class.own is None else [Twin(its_class.own, twin.same)]
+    others = [one for one in its_class.twins if one is not twin]
+    return replace(its_class, twins=[*named, *others], own=twin.candidate)
 
 
-def probabilities(search: BaseSearch[C], final: C, slots: Sequence[Slot[C]], posterior: Posterior) -> list[float]:
+def probabilities(
+    search: BaseSearch[C], final: C, classes: Sequence[EquivalenceClass[C]], posterior: Posterior
+) -> list[float]:
     """Probability that each effect, or one of its class, acts in the plant, whatever else acts.
 
     ``posterior``: of each effect against none and against a law without a name in its place (:func:`weigh`), and sets
@@ -218,10 +222,10 @@ def probabilities(search: BaseSearch[C], final: C, slots: Sequence[Slot[C]], pos
     """
     own = search.score(final)
     out = []
-    for slot, chance in zip(slots, posterior.probabilities):
-        ours = [own, *(_score(search, twin.candidate, final) for twin in slot.twins)]
-        named = {final.effects[slot.index].key, *slot.keys}
-        against = _others(search, final, slot)
+    for its_class, chance in zip(classes, posterior.probabilities):
+        ours = [own, *(_score(search, twin.candidate, final) for twin in its_class.twins)]
+        named = {final.effects[its_class.index].key, *its_class.keys}
+        against = _others(search, final, its_class)
         against += [own + more for keys, more in posterior.elsewhere if not keys & named]
         top = max([*ours, *against])
         for_it, in_all = (float(np.sum(np.exp(np.array(values) - top))) for values in (ours, [*ours, *against]))
@@ -236,11 +240,11 @@ def _score(search: BaseSearch[C], candidate: C, final: C) -> float:
     return search.score(final) - 0.5 * (candidate.n_parameters - final.n_parameters) * float(np.log(search.n_values))
 
 
-def _others(search: BaseSearch[C], final: C, slot: Slot[C]) -> list[float]:
-    """Scores of the candidates in one slot that the data reject, at least :data:`EQUAL` below the final one."""
-    own = final.effects[slot.index].key
+def _others(search: BaseSearch[C], final: C, its_class: EquivalenceClass[C]) -> list[float]:
+    """Scores of the candidates in one place that the data reject, at least :data:`EQUAL` below the final one."""
+    own = final.effects[its_class.index].key
     beside = frozenset(final.keys) - {own}
-    taken = {own, *slot.keys}
+    taken = {own, *its_class.keys}
     scores = [
         search.score(candidate)
         for keys, candidate in search.fitted.items()

@@ -9,7 +9,7 @@ import numpy as np
 
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.effects._ports import at_port
-from sksurrogate.gap.decide._equivalence import Slot
+from sksurrogate.gap.decide._equivalence import EquivalenceClass
 from sksurrogate.gap.decide._experiment import name_of
 from sksurrogate.gap.decide._partial_results import PartialResults
 from sksurrogate.gap.fit._evidence import C, Evidence
@@ -72,15 +72,15 @@ class _Class(NamedTuple):
 
 def _class_of(search: BaseSearch[C], named: C, i: int, found: PartialResults) -> _Class:
     """The class of one effect of what stands, without effects that stand beside it."""
-    effect, slot = named.effects[i], found.slots[i] if i < len(found.slots) else Slot(i, [])
-    added = [twin.effect for twin in slot.twins]
+    effect, its_class = named.effects[i], found.classes[i] if i < len(found.classes) else EquivalenceClass(i, [])
+    added = [twin.effect for twin in its_class.twins]
     ahead = [other.key for other in added if richer_form(other, effect)]
     twins = [other.key for other in added if other.key not in named.keys]
     richer = [key for key in dict.fromkeys([*ahead, *search.richer.get(effect.key, [])]) if key not in named.keys]
     known = {*twins, *richer, *named.keys}
     simpler = [form.key for form in special_cases(search, named, i) if form.key not in known]
     tied = [name_of(other) for other in added if other.key not in ahead]
-    return _Class(twins, richer, simpler, tied, all(twin.same for twin in slot.twins))
+    return _Class(twins, richer, simpler, tied, all(twin.same for twin in its_class.twins))
 
 
 def _plain(keys: Iterable[Key]) -> list[tuple[str, str, str | None]]:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from sksurrogate.effects._effect import BaseEffect
-from sksurrogate.gap.decide._equivalence import Slot
+from sksurrogate.gap.decide._equivalence import EquivalenceClass
 from sksurrogate.gap.decide._separations import Separations
 from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.results._next_experiment import ENOUGH, NATS_THAT_SETTLE, NextExperiment
@@ -83,18 +83,18 @@ LONGEST_EXPERIMENT, MOST_TIED = 400, 5
 
 
 def next_experiment(
-    final: Evidence, slots: Sequence[Slot], separations: Callable[..., Separations]
+    final: Evidence, classes: Sequence[EquivalenceClass], separations: Callable[..., Separations]
 ) -> NextExperiment | None:
     """Which experiment separates the tied candidates best, in expected nats of log likelihood (``separations``)."""
-    slot = max(slots, key=lambda s: len(s.twins), default=None)
-    if slot is None or not slot.twins:
+    its_class = max(classes, key=lambda s: len(s.twins), default=None)
+    if its_class is None or not its_class.twins:
         return None
-    record, tied = final.candidate.problem.record, [twin.candidate for twin in slot.twins[:MOST_TIED]]
+    record, tied = final.candidate.problem.record, [twin.candidate for twin in its_class.twins[:MOST_TIED]]
     varied = variations(record, final.candidate.problem.plant.inputs)
     apart = {name: value for name, value in separations(final, tied, varied).items() if np.isfinite(value).any()}
     if not apart:
         return None
-    names = [name_of(final.effects[slot.index]), *(name_of(candidate.effects[-1]) for candidate in tied)]
+    names = [name_of(final.effects[its_class.index]), *(name_of(candidate.effects[-1]) for candidate in tied)]
     beyond = {name for name, u in varied.items() if leaves_the_range(u, record.u)}
     return suggestion(apart, names, beyond)
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from sksurrogate.gap.decide._equivalence import Slot
+from sksurrogate.gap.decide._equivalence import EquivalenceClass
 from sksurrogate.gap.decide._held_out import HeldOut
 from sksurrogate.gap.decide._law_certificate import CertifiedLaw
 from sksurrogate.gap.fit._evidence import Evidence
@@ -39,7 +39,7 @@ class PartialResults:
     """Answers as they come in."""
 
     retuned: bool = False  #: Whether the free parameters are worth their number
-    slots: list[Slot] = field(default_factory=list)  #: Classes of the effects
+    classes: list[EquivalenceClass] = field(default_factory=list)  #: Classes of the effects
     experiment: NextExperiment | None = None
     finals: list[Any] = field(default_factory=list)  #: What the runs outside each fold choose
     held: HeldOut | None = None

@@ -104,10 +104,10 @@ class BaseCandidate(ABC):
     @property
     def precision(self) -> np.ndarray:
         """Of the prior on the parameters."""
-        return self.held[0]
+        return self.step_prior[0]
 
     @property
-    def held(self) -> tuple[np.ndarray, np.ndarray]:
+    def step_prior(self) -> tuple[np.ndarray, np.ndarray]:
         """What holds a step of the parameters: precision of their prior, and its pull."""
         mean, sd = self.problem.prior(self.effects, self.fit.theta)
         precision = 1.0 / sd**2

@@ -85,7 +85,7 @@ class OdeCandidate(BaseCandidate):
             if effect.scan(tuple(self.theta_of(i))):
                 J = J.copy()
                 J[:, self.slice_of(i)] = 0.0
-        theta, (precision, pull) = self.fit.theta, self.held
+        theta, (precision, pull) = self.fit.theta, self.step_prior
         reach = np.where((theta != 0) & (np.arange(len(theta)) < self.n_parameters), np.abs(theta), np.inf)
         return self.residual, J, precision + (REACH * reach) ** -2.0, pull
 

@@ -29,11 +29,11 @@ def retuning_cost(candidate: BaseCandidate) -> float:
     By the tails of a Gaussian a set of effects beside which a parameter rightly moves far would lose to a subset of it. Where
     the user gives a prior the likelihood holds it.
     """
-    square = moves(candidate) ** 2
+    square = retuning_moves(candidate) ** 2
     return float(np.sum(3.0 * np.log1p(0.5 * square) - square / (1.0 + 0.5 * square)))
 
 
-def moves(candidate: BaseCandidate) -> np.ndarray:
+def retuning_moves(candidate: BaseCandidate) -> np.ndarray:
     """Log ratios of the free parameters to their nominal values, over :data:`PRIOR`, where the user gives no prior."""
     problem, ratios = candidate.problem, candidate.fit.theta[candidate.n_parameters :]
     own = [problem.plant.params[name] != 0 and name not in problem.known.priors for name in problem.free]
@@ -42,7 +42,7 @@ def moves(candidate: BaseCandidate) -> np.ndarray:
 
 def moved_far(candidate: BaseCandidate) -> bool:
     """Whether the free parameters moved so far that they may imitate an effect."""
-    return float(np.sum(moves(candidate) ** 2)) >= FAR_RETUNED
+    return float(np.sum(retuning_moves(candidate) ** 2)) >= FAR_RETUNED
 
 
 def step_cost(candidate: BaseCandidate) -> float:
@@ -74,14 +74,14 @@ def start_cost(candidate: OdeCandidate) -> float:
         J, own = slopes[:, :, a:b].transpose(1, 0, 2).reshape(n, -1), moved[:, k]
         H = J @ J.T
         if np.isfinite(H).all() and np.isfinite(own).all():
-            cost += shown(H, own)
+            cost += seen_square(H, own)
     return cost
 
 
-def shown(H: np.ndarray, x: np.ndarray) -> float:
+def seen_square(H: np.ndarray, x: np.ndarray) -> float:
     """``min_z (z - x)' H (z - x) + z' z``, which is ``x' H (H + 1)^-1 x``, for an H of any size and rank.
 
-    >>> float(shown(np.diag([3.0, 0.0]), np.array([2.0, 7.0])))
+    >>> float(seen_square(np.diag([3.0, 0.0]), np.array([2.0, 7.0])))
     3.0
     """
     size, axes = np.linalg.eigh(H)

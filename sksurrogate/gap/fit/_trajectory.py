@@ -61,7 +61,7 @@ class TrajectoryCandidate(BaseCandidate):
         return self.problem.disturbance
 
     def columns(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        return self.residual, self.fit.J, *self.held
+        return self.residual, self.fit.J, *self.step_prior
 
     def without_starts(self, columns: np.ndarray, starts: np.ndarray | None = None) -> np.ndarray:
         return self.problem.without_starts(columns, starts)
@@ -125,7 +125,7 @@ class TrajectoryCandidate(BaseCandidate):
             np.concatenate([problem.record.residual(fit.y)[None], self.fit.J.transpose(1, 0, 2)])
         )
         flat = (columns[:, :, learnt] if learnt.any() else columns).reshape(len(columns), -1)
-        precision, pull = self.held
+        precision, pull = self.step_prior
         step = solve(flat[1:] @ flat[1:].T + np.diag(precision), flat[1:] @ flat[0] + pull)
         theta = np.clip(fit.theta + step, *problem.bounds(self.effects))
         if np.max(np.abs(theta - fit.theta) / np.maximum(np.abs(fit.theta), 1e-3)) < LINEAR:

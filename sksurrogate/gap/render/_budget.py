@@ -30,7 +30,7 @@ _KINDS = {
 _LEAST_SHARE = 0.0005
 
 
-def shown(budget: Table) -> list[Mapping[str, Any]]:
+def listed_parts(budget: Table) -> list[Mapping[str, Any]]:
     """The parts that the text lists."""
     return [row for row in budget if row["kind"] == "effect" or row["share"] >= _LEAST_SHARE]
 
@@ -47,7 +47,7 @@ def budget_lines(budget: Table, width: int) -> list[str]:
       # 75.0 % [70.0, 80.0] friction
       . 25.0 % [20.0, 30.0] disturbance (not repeatable)
     """
-    rows = shown(budget)
+    rows = listed_parts(budget)
     if not rows:
         return []
     room = max(width - 30, 10)
@@ -70,7 +70,7 @@ def fills(rows: Sequence[Mapping[str, Any]]) -> list[str]:
 
 def budget_html(budget: Table) -> str:
     """One bar with its legend; empty where there is no gap."""
-    rows = shown(budget)
+    rows = listed_parts(budget)
     if not rows:
         return ""
     parts = "".join(

@@ -13,7 +13,7 @@ from sksurrogate.effects._effect import BalanceEffect, HiddenEffect
 from sksurrogate.exceptions import SurrogateError
 from sksurrogate.gap.render._svg import POINTS, Line, Panel, figure
 from sksurrogate.gap.render._units import axis, derivative_unit, labelled
-from sksurrogate.gap.render._values import place_of, readable
+from sksurrogate.gap.render._values import effect_text, readable
 from sksurrogate.gap.results._effect_estimate import EffectEstimate
 from sksurrogate.gap.results._missing_term import Curve
 from sksurrogate.gap.results._report_data import ReportData
@@ -88,7 +88,7 @@ def effect_html(effect: EffectEstimate, report: ReportData) -> str:
         return ""
     state = effect.location in report.states
     label = balance_axis(effect.location, "state" if state else "input", report)
-    return f"<figure>{_picture(curve, label, report, place_of(effect))}</figure>"
+    return f"<figure>{_picture(curve, label, report, effect_text(effect))}</figure>"
 
 
 def curve_html(curve: Curve, location: str, kind: str, report: ReportData, laws: Sequence[Line] = ()) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 from sklearn.utils.validation import check_is_fitted
 
 from sksurrogate.exceptions import require
-from sksurrogate.gap.render._budget import fills, part_name, shown
+from sksurrogate.gap.render._budget import fills, listed_parts, part_name
 from sksurrogate.gap.render._runs import fitted_name, near_readings, noise_of, run_error, worst_first
 from sksurrogate.gap.render._units import TIME, axis, derivative_unit, labelled, range_text
 from sksurrogate.gap.render._waterfall import waterfall
@@ -135,7 +135,7 @@ class GapDisplay:
         }
 
     def _budget(self, ax: Any) -> None:
-        left, rows = 0.0, shown(self.report.budget)
+        left, rows = 0.0, listed_parts(self.report.budget)
         for row, colour in zip(rows, fills(rows)):
             ax.barh([0], [100 * row["share"]], left=left, color=colour, edgecolor="white", label=part_name(row))
             left += 100 * row["share"]

@@ -12,12 +12,12 @@ from sksurrogate.gap.render._units import TIME
 from sksurrogate.gap.render._values import (
     change_of,
     confidence,
+    effect_text,
     is_wrong_parameter,
     key_text,
     moved_text,
     number,
     percent,
-    place_of,
     quantity,
 )
 from sksurrogate.gap.results._effect_estimate import EffectEstimate
@@ -39,7 +39,7 @@ def changes(report: ReportData) -> list[tuple[str, list[str], str]]:
     """Every named effect and the re-tuned parameters: what it is, its lines, how sure it is."""
     out = []
     for effect in report.effects:
-        what = f"parameter {effect.location}" if effect.name == "parameter_error" else place_of(effect)
+        what = f"parameter {effect.location}" if effect.name == "parameter_error" else effect_text(effect)
         out.append((what, change_of(effect, report.nominal, report.units), confidence(effect.probability)))
     named = {effect.location for effect in report.effects if is_wrong_parameter(effect)}
     rows = [row for row in report.retuned if "value" in row and row["parameter"] not in named]
@@ -178,7 +178,7 @@ def _short(effect: EffectEstimate, report: ReportData) -> str:
     )
     if effect.name == "parameter_error":
         return f"the parameter {change}{window}"
-    return f"{place_of(effect)} ({change}{window})" if change else place_of(effect)
+    return f"{effect_text(effect)} ({change}{window})" if change else effect_text(effect)
 
 
 def related_forms(effect: EffectEstimate) -> list[str]:
@@ -188,7 +188,7 @@ def related_forms(effect: EffectEstimate) -> list[str]:
         ("Simpler than {}, as good up to the tolerance", effect.simpler),
     )
     return [
-        f"{text.format(place_of(effect))}: {first_of([key_text(k) for k in keys])}." for text, keys in kinds if keys
+        f"{text.format(effect_text(effect))}: {first_of([key_text(k) for k in keys])}." for text, keys in kinds if keys
     ]
 
 
@@ -246,7 +246,7 @@ def _to_separate(report: ReportData) -> list[str]:
         return []
     best = separating(report)
     if not best:
-        others = joined([place_of(tied[0]), *not_identified(tied[0])[:TIED_LISTED]])
+        others = joined([effect_text(tied[0]), *not_identified(tied[0])[:TIED_LISTED]])
         return [f"Measure another signal, or use knowledge of the plant, to decide between {others}."]
     nats = number(best[0]["gain"], 2) if best[0]["gain"] < 1000 else "more than 1000"
     beyond = "" if best[0].get("within", True) else "; its inputs leave the recorded range"

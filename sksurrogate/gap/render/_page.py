@@ -28,7 +28,7 @@ from sksurrogate.gap.render._style import STYLE
 from sksurrogate.gap.render._svg import bars
 from sksurrogate.gap.render._tables import explained
 from sksurrogate.gap.render._units import TIME, labelled, range_text, unit_column
-from sksurrogate.gap.render._values import place_of
+from sksurrogate.gap.render._values import effect_text
 from sksurrogate.gap.render._waterfall import CAPTION, closed, waterfall
 from sksurrogate.gap.results._effect_estimate import EffectEstimate
 from sksurrogate.gap.results._missing_term import Curve, MissingTerm
@@ -99,7 +99,7 @@ def _named(effect: EffectEstimate, report: ReportData) -> str:
     """One named effect: its form, its curve, what else explains the data."""
     others = not_identified(effect)
     parts = [
-        f"<h2>{escape(place_of(effect)[0].upper() + place_of(effect)[1:])}</h2>",
+        f"<h2>{escape(effect_text(effect)[0].upper() + effect_text(effect)[1:])}</h2>",
         form_of(effect),
         effect_html(effect, report),
     ]

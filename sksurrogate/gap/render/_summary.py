@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from sksurrogate.gap.render._budget import part_name, shown
+from sksurrogate.gap.render._budget import listed_parts, part_name
 from sksurrogate.gap.render._headline import not_identified
 from sksurrogate.gap.render._tables import grid, table_html
 from sksurrogate.gap.render._units import TIME, parameter_unit
-from sksurrogate.gap.render._values import number, percent, place_of, quantity
+from sksurrogate.gap.render._values import effect_text, number, percent, quantity
 from sksurrogate.gap.render._waterfall import CAPTION
 from sksurrogate.gap.results._report_data import ReportData
 from sksurrogate.gap.results._table import EMPTY, Table
@@ -97,7 +97,7 @@ def summary_of(report: ReportData) -> GapSummary:
         Table(
             tuple(
                 {"part": part_name(row), **{k: row[k] for k in ("share", "low", "high")}}
-                for row in shown(report.budget)
+                for row in listed_parts(report.budget)
             )
         ),
         _notes(report),
@@ -139,7 +139,7 @@ def _effects(report: ReportData) -> Table:
             low, high = effect.intervals.get(name, (np.nan, np.nan))
             rows.append(
                 {
-                    "effect": place_of(effect),
+                    "effect": effect_text(effect),
                     "parameter": name,
                     "unit": parameter_unit(effect, name, report.units),
                     "estimate": value,
@@ -167,7 +167,7 @@ def _notes(report: ReportData) -> tuple[str, ...]:
     own = [f"{CAPTION}."]
     if report.effects or len(report.retuned) or len(report.budget):
         own.append("from, to: 90 % interval. share: of the gap's power on held-out runs.")
-    tied = [place_of(effect) for effect in report.effects if not_identified(effect)]
+    tied = [effect_text(effect) for effect in report.effects if not_identified(effect)]
     if tied:
         own.append(f"These data do not identify {', '.join(tied)} uniquely; see report.effects[i].equivalents.")
     return (*own, *report.notes)

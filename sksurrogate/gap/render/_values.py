@@ -69,12 +69,12 @@ def readable(name: str) -> str:
     return name.replace("_", " ")
 
 
-def place_of(effect: EffectEstimate) -> str:
+def effect_text(effect: EffectEstimate) -> str:
     """Effect, place and driving signal.
 
-    >>> place_of(EffectEstimate("linear_loss", "speed", "level", 1.0, {}, {}, 1.0))
+    >>> effect_text(EffectEstimate("linear_loss", "speed", "level", 1.0, {}, {}, 1.0))
     'linear loss at speed, driven by level'
-    >>> place_of(EffectEstimate("linear_loss", "speed", "speed", 1.0, {}, {}, 1.0))
+    >>> effect_text(EffectEstimate("linear_loss", "speed", "speed", 1.0, {}, {}, 1.0))
     'linear loss at speed'
     """
     return key_text((effect.name, effect.location, effect.variable)) + only_in(effect)

@@ -164,7 +164,7 @@ def _block(s: Responses, columns: list[Column], noise: Noise | None, most: int |
     """Candidates by their columns, which are taken over; of many only the ``most`` best starting values of each effect."""
     problem, known, J_x, few = s.problem, s.known, s.J_x, len(s.known)
     low, high = _range(columns)
-    precision, pull = s.base.held
+    precision, pull = s.base.step_prior
     whole = np.empty((few + len(columns), *known.shape[1:]))
     whole[:few] = known
     for k, row in enumerate(whole[few:]):  # one copy of them: those that came are let go
@@ -213,7 +213,7 @@ def _best_of_each(starts: Sequence[Start], most: int) -> np.ndarray:
 def _joined_blocks(s: Responses, blocks: list[_Block]) -> Screen:
     """All blocks as one screen."""
     known, base = s.known, s.base
-    precision, pull = base.held
+    precision, pull = base.step_prior
     rest = known, s.J_x, precision, pull, s.problem.record.starts
     if not blocks:
         return Screen([], [], None, *rest, *2 * (np.zeros(0),), np.full(1 + MOST_TOGETHER, base.fit.cost))
@@ -284,14 +284,14 @@ def grows(effect: BaseEffect) -> bool:
 def grown(effect: BaseEffect, theta: np.ndarray, amplitude: float) -> np.ndarray:
     """A start whose effect is so many times as large: its magnitude, and the parameters that grow with it."""
     out = theta.copy()
-    out[0] = scaled(effect, theta[0], amplitude)
+    out[0] = scaled_magnitude(effect, theta[0], amplitude)
     ratio = out[0] / theta[0] if theta[0] else 1.0
     together = [i for i, parameter in enumerate(effect.parameters) if parameter.grows]
     out[together] *= abs(ratio)
     return out
 
 
-def scaled(effect: BaseEffect, magnitude: float, amplitude: float) -> float:
+def scaled_magnitude(effect: BaseEffect, magnitude: float, amplitude: float) -> float:
     """The magnitude of a start times the amplitude of its column, within bounds; a parameter keeps its sign."""
     value = magnitude * (amplitude or 1e-3)
     first = effect.parameters[0]

@@ -45,7 +45,7 @@ def shortlist(
         part = columns[:, :, a:b].reshape(len(columns), -1) @ q.astype(np.float32)
         size -= np.einsum("kn,kn->k", part, part, dtype=float)
     diagonal = np.r_[np.zeros(len(few)), np.maximum(size, 1e-12)]
-    drop, _ = scores(*eliminate_rows(rows, diagonal, *s.base.held), low, high)
+    drop, _ = scores(*eliminate_rows(rows, diagonal, *s.base.step_prior), low, high)
     groups: dict[tuple, list[int]] = {}
     for k, effect in enumerate(effects):
         groups.setdefault(effect.key, []).append(k)

@@ -61,7 +61,7 @@ class Unseen:
 def score_beside(s: Responses, column: np.ndarray, through: np.ndarray, low: float, high: float) -> tuple[float, float]:
     """Drop and amplitude within ``low`` and ``high`` of one column (n_outputs, n_samples) beside what unseen initial states do
     through its effect (n_unseen, n_outputs, n_samples), both over the noise."""
-    starts, (precision, pull) = s.problem.record.starts, s.base.held
+    starts, (precision, pull) = s.problem.record.starts, s.base.step_prior
     stack = np.concatenate([s.known, column[None]])
     total = project_starts(stack[:-1], s.J_x, starts)
     both = np.concatenate([s.J_x, through.transpose(1, 0, 2)], axis=1)

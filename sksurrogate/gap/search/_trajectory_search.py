@@ -205,7 +205,7 @@ class TrajectorySearch(SetSearch[TrajectoryCandidate]):
         linear = np.array([effect.linear for effect in effects])
         reach = np.where(linear, -np.inf, 0.0), np.where(linear, np.inf, 3.0)
         (drop, amplitude), (under_noise, _) = (
-            scores(*_seen(*eliminate_rows(rows, size, *base.held), size[few:]), *reach)
+            scores(*_seen(*eliminate_rows(rows, size, *base.step_prior), size[few:]), *reach)
             for rows, size in (white, forced)
         )
         return drop, amplitude, under_noise

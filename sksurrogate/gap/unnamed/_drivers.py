@@ -11,7 +11,7 @@ from sksurrogate.effects._formula import Term, signal_names
 from sksurrogate.effects._law import InputLawEffect, LawEffect, MemoryLawEffect, SensorLawEffect, law_effect
 from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.unnamed._channel import Channel
-from sksurrogate.gap.unnamed._law_shapes import at_end, moves
+from sksurrogate.gap.unnamed._law_shapes import at_end, varies
 from sksurrogate.kernels.banded import first_order_scan
 from sksurrogate.kernels.record import Record
 
@@ -70,7 +70,7 @@ class Drivers:
     @property
     def moving(self) -> list[str]:
         """Names of those that move."""
-        return [name for name, z in self.signals.items() if moves(z)]
+        return [name for name, z in self.signals.items() if varies(z)]
 
     @property
     def present(self) -> list[str]:

@@ -75,7 +75,7 @@ class Family(NamedTuple):
     constants: Callable[[Driver], list[Constants]]
 
 
-def scaled(scales: Constants, unit: Callable[[Driver], float]) -> Callable[[Driver], list[Constants]]:
+def multiples_of(scales: Constants, unit: Callable[[Driver], float]) -> Callable[[Driver], list[Constants]]:
     """One constant, some scales times a size of the driver."""
     return lambda d: [(k * unit(d), 0.0) for k in scales]
 
@@ -84,24 +84,24 @@ def scaled(scales: Constants, unit: Callable[[Driver], float]) -> Callable[[Driv
 FAMILIES = (
     Family(("v", "square", "cube"), lambda d: True, lambda d: PLAIN),
     Family(("drag", "sign", "root", "size"), lambda d: d.both, lambda d: [(0.0, d.width)]),
-    Family(("tanh", "bending"), lambda d: d.both, scaled(BENDS, lambda d: d.spread)),
+    Family(("tanh", "bending"), lambda d: d.both, multiples_of(BENDS, lambda d: d.spread)),
     Family(("clip", "dead_zone"), lambda d: d.both, lambda d: [(c, d.width) for c in d.limits]),
     Family(("power",), lambda d: d.both or d.positive, lambda d: [(k, 0.0) for k in EXPONENTS]),
     Family(
         ("logarithm", "fading", "resonant"),
         lambda d: (d.both or d.positive) and d.middle > 0,
-        scaled(HALVES, lambda d: d.middle),
+        multiples_of(HALVES, lambda d: d.middle),
     ),
     Family(("flow",), lambda d: d.positive, lambda d: PLAIN),
-    Family(("saturating",), lambda d: d.positive, scaled(HALVES, lambda d: d.middle)),
+    Family(("saturating",), lambda d: d.positive, multiples_of(HALVES, lambda d: d.middle)),
     Family(("hill",), lambda d: d.positive, lambda d: [(k * d.middle, 0.0, n) for k, n in product(HALVES, STEEPNESS)]),
     Family(("inverse", "inverse_square"), lambda d: d.bent, lambda d: PLAIN),
-    Family(("inhibited",), lambda d: d.bent, scaled(HALVES, lambda d: d.middle)),
-    Family(("activated",), lambda d: d.bent, scaled(ACTIVATIONS, lambda d: d.middle)),
+    Family(("inhibited",), lambda d: d.bent, multiples_of(HALVES, lambda d: d.middle)),
+    Family(("activated",), lambda d: d.bent, multiples_of(ACTIVATIONS, lambda d: d.middle)),
     Family(("sine", "cosine"), lambda d: d.angular, lambda d: PLAIN),
     Family(("wave",), lambda d: d.both, lambda d: [(k / d.reach, 0.0) for k in ANGLES]),
     Family(("swing",), lambda d: True, lambda d: [(k / d.reach, 0.0, phase) for k, phase in product(ANGLES, PHASES)]),
-    Family(("exp",), lambda d: True, scaled(RATES, lambda d: d.spread)),
+    Family(("exp",), lambda d: True, multiples_of(RATES, lambda d: d.spread)),
     Family(("above", "below", "beyond"), lambda d: True, lambda d: [(c, d.width) for c in d.cuts]),
     Family(("bell",), lambda d: True, lambda d: [(c, 0.0, k * d.spread) for c, k in product(d.cuts, BELLS)]),
     Family(("switch",), lambda d: True, lambda d: [(c, 0.0, k * d.spread) for c, k in product(d.cuts, SWITCHES)]),

@@ -28,7 +28,6 @@ from sksurrogate.gap.unnamed._along_a_path import as_regressors, carried, linear
 from sksurrogate.gap.unnamed._amplitude import amplitude_evidence, known_to_rounding, prior_roots, small_and_large
 from sksurrogate.gap.unnamed._law_left import LawLeft
 from sksurrogate.gap.unnamed._law_places import PlacedSignal, in_all_places
-from sksurrogate.gap.unnamed._law_shapes import SignalForms
 from sksurrogate.kernels.clock import check_time
 from sksurrogate.kernels.disturbance import Noise
 
@@ -102,7 +101,7 @@ def law_beside(
     try:
         best = fit.best(noises, seeds)
         if instead is not None and fit.is_the_effect_again(best, instead.effects):
-            place = fit.place_of(best.k)
+            place = fit.candidates[best.k].place
             best = replace(fit, barred=place, known=known.setdefault(("without", place), {})).best(noises, seeds)
     except np.linalg.LinAlgError:
         return None
@@ -110,7 +109,7 @@ def law_beside(
 
 
 def place_and_signal(effect: BaseEffect) -> tuple[str, str]:
-    """Place and signal of an effect; without a signal it is that of its place."""
+    """Where an effect acts, and the signal that drives it: its own where no other does."""
     return str(effect.location), effect.variable or str(effect.location)
 
 
@@ -142,7 +141,7 @@ class _Fit:
     barred: tuple[str, str] | None = None  #: Place and signal whose law is the effect in whose place it stands
 
     @cached_property
-    def candidates(self) -> list[tuple[PlacedSignal, SignalForms, str]]:
+    def candidates(self) -> list[PlacedSignal]:
         """All laws in all places."""
         return list(in_all_places(self.linear.base))
 
@@ -152,8 +151,8 @@ class _Fit:
 
         A large law may be any. A small one corrects a form that is named, in its place and variable, or is any: both are as likely.
         """
-        n_forms = np.array([len(law.forms) for _, law, _ in self.candidates], dtype=float)
-        corrects = np.array([(curve.location, curve.variable) in self.named for curve, _, _ in self.candidates])
+        n_forms = np.array([len(one.signal.forms) for one in self.candidates], dtype=float)
+        corrects = np.array([one.place in self.named for one in self.candidates])
         anywhere = np.full(len(n_forms), 1.0 / np.sum(n_forms))
         small = 0.5 * (anywhere + corrects / np.sum(n_forms[corrects])) if corrects.any() else anywhere
         return -np.log(np.stack([small, anywhere], axis=1))
@@ -162,11 +161,6 @@ class _Fit:
     def priors(self) -> np.ndarray:
         """Prior weights of the sizes of a small and of a large law, (2, n_sizes)."""
         return small_and_large(LAW_SIZES, self.tolerance)
-
-    def place_of(self, k: int) -> tuple[str, str]:
-        """Place and signal of law k."""
-        curve = self.candidates[k][0]
-        return curve.location, curve.variable
 
     def best(self, noises: Sequence[Noise], seeds: Sequence[tuple[int, int, Noise]]) -> _Found:
         """The likeliest law, from all of these noises, and among those that were likeliest beside other sets."""
@@ -186,7 +180,7 @@ class _Fit:
         if (
             self.instead is None
             or one.size < self.tolerance
-            or self.place_of(one.k) not in map(place_and_signal, whole)
+            or self.candidates[one.k].place not in map(place_and_signal, whole)
         ):
             return False
         own, law = self.linear.projected(np.stack([self.instead, self.moved(one)], axis=1))
@@ -195,9 +189,9 @@ class _Fit:
 
     def moved(self, one: _Found) -> np.ndarray:
         """What a law with its weights moves the outputs by, (n_outputs, n_samples)."""
-        curve, law, _ = self.candidates[one.k]
+        law = self.candidates[one.k]
         weights = one.theta[self.linear.J.shape[1] :]
-        return np.einsum("okt,k->ot", curve.moved()[:, law.forms[one.f].functions], weights)
+        return np.einsum("okt,k->ot", law.moved()[:, law.signal.forms[one.f].functions], weights)
 
     def likeliest(self, noises: Sequence[Noise]) -> list[tuple[int, int]]:
         """Law and form of most evidence under each noise."""
@@ -213,7 +207,7 @@ class _Fit:
         best, at = [-np.inf] * len(noises), [(0, 0)] * len(noises)
         for a in range(0, len(self.candidates), LAWS_IN_BLOCK):
             check_time()
-            moved = [curve.moved() for curve, _, _ in self.candidates[a : a + LAWS_IN_BLOCK]]
+            moved = [law.moved() for law in self.candidates[a : a + LAWS_IN_BLOCK]]
             for n, beside in enumerate(grams):
                 for k, G in enumerate(beside(moved), start=a):
                     for f, top in enumerate(self.evidence_of_forms(k, moved[k - a], G)):
@@ -223,8 +217,8 @@ class _Fit:
 
     def evidence_of_forms(self, k: int, moved: np.ndarray, G: np.ndarray) -> list[float]:
         """Of every form of law k, from the Gram of what is known and of its functions."""
-        n, forms = 1 + self.linear.J.shape[1], self.candidates[k][1].forms
-        if self.place_of(k) == self.barred or not np.isfinite(G).all():
+        n, forms = 1 + self.linear.J.shape[1], self.candidates[k].signal.forms
+        if self.candidates[k].place == self.barred or not np.isfinite(G).all():
             return [-np.inf] * len(forms)
         H, g, power = self.linear.beside_parameters(G)
         sound = known_to_rounding(G)  # if for all functions, then for some
@@ -245,9 +239,9 @@ class _Fit:
 
         Where another effect of the set has its place and variable, a law corrects the form of that one.
         """
-        curve, law, _ = self.candidates[k]
-        if self.instead is None or (curve.location, curve.variable) in self.named:
-            return np.zeros(len(law.functions), bool)
+        law = self.candidates[k]
+        if self.instead is None or law.place in self.named:
+            return np.zeros(len(law.signal.functions), bool)
         sd = self.linear.problem.sd[:, None]
         own, some = (self.instead / sd).ravel(), (moved.transpose(1, 0, 2) / sd).reshape(moved.shape[1], -1)
         sizes = np.linalg.norm(some, axis=1) * np.linalg.norm(own)
@@ -257,7 +251,7 @@ class _Fit:
         """Of every form of law k, whose functions move the outputs by F; they are made once."""
         if k not in self.made:
             metric = self.linear.metric(F)
-            forms = self.candidates[k][1].forms
+            forms = self.candidates[k].signal.forms
             self.made[k] = [prior_roots(metric[np.ix_(f.functions, f.functions)], f.rough) for f in forms]
         return self.made[k]
 
@@ -280,18 +274,20 @@ class _Fit:
 
     def relatives(self, k: int, f: int) -> list[int]:
         """A form of a law, and those that contain its functions and one more; none where this set has no such law."""
-        if k >= len(self.candidates) or self.place_of(k) == self.barred or f >= len(self.candidates[k][1].forms):
+        if k >= len(self.candidates) or self.candidates[k].place == self.barred:
             return []
-        forms = [set(form.functions.tolist()) for form in self.candidates[k][1].forms]
+        forms = [set(form.functions.tolist()) for form in self.candidates[k].signal.forms]
+        if f >= len(forms):
+            return []
         wider = (i for i, other in enumerate(forms) if forms[f] < other and len(other) == len(forms[f]) + 1)
         if self.instead is not None and len(forms[f]) == 1:
-            is_effect = self.is_the_effect(k, self.candidates[k][0].moved())
+            is_effect = self.is_the_effect(k, self.candidates[k].moved())
             return [*([] if is_effect[min(forms[f])] else [f]), *wider]
         return [f, *wider]
 
     def found(self, k: int, f: int, F: np.ndarray, noise: Noise) -> _Found:
         """A law under one noise."""
-        form = self.candidates[k][1].forms[f]
+        form = self.candidates[k].signal.forms[f]
         G, logdet = self.linear.D.gram(np.concatenate([self.linear.known, F], axis=1), noise)
         metric = self.linear.metric(F)
         roots = prior_roots(metric, form.rough) if known_to_rounding(G) else []
@@ -320,18 +316,18 @@ class _Fit:
 
     def _refined(self, k: int, f: int, start: Noise) -> _Found:
         """The same, computed."""
-        curve, law, _ = self.candidates[k]
-        F, n = curve.moved()[:, law.forms[f].functions], self.linear.J.shape[1]
+        law = self.candidates[k]
+        F, n = law.moved()[:, law.signal.forms[f].functions], self.linear.J.shape[1]
         now = self.found(k, f, F, start)
         for _ in range(TURNS):
-            law = np.einsum("okt,k->ot", F, now.theta[n:])[:, None]
-            noise, _, _ = self.linear.beside(law).noise_from(now.noise, sigma_unit=self.linear.problem.sd)
+            moved = np.einsum("okt,k->ot", F, now.theta[n:])[:, None]
+            noise, _, _ = self.linear.beside(moved).noise_from(now.noise, sigma_unit=self.linear.problem.sd)
             now = self.found(k, f, F, noise)
         return now
 
     def result(self, one: _Found, alone: float) -> LawBeside:
         """With its place; a set with next to no law is not less likely than the set alone."""
-        (curve, _, kind), n = self.candidates[one.k], self.linear.J.shape[1]
+        law, n = self.candidates[one.k], self.linear.J.shape[1]
         base, record, sd = self.linear.base, self.linear.problem.record, self.linear.problem.sd
         small = float(np.logaddexp(one.small, alone - np.log(2.0)))
         weight = np.exp(one.large - np.logaddexp(small, one.large)) if one.small < alone else 1.0
@@ -345,7 +341,7 @@ class _Fit:
         rms = float(np.sqrt(np.sum(rest**2) / record.n_values))
         large = float(one.large)
         probability = float(np.exp(large - np.logaddexp(small, large)))
-        left = LawLeft(curve.location, kind, curve.variable, size, spread, gain, deviation, probability, rms)
+        left = LawLeft(law.location, law.kind, law.signal.variable, size, spread, gain, deviation, probability, rms)
         return LawBeside(small, large, seed, left)
 
 

@@ -14,7 +14,6 @@ from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.fit._pushes import STEP_OF_SLOPES
 from sksurrogate.gap.unnamed._elements import elements_along
 from sksurrogate.gap.unnamed._law_shapes import (
-    AND_ITS_PAST,
     SignalForms,
     laws,
     of_time,
@@ -27,17 +26,23 @@ from sksurrogate.kernels.disturbance import Disturbance
 
 
 class PlacedSignal(NamedTuple):
-    """Place, signal, and what functions of the signal move the outputs by (n_outputs, n, n_samples).
+    """Laws of one signal at a place, and what their functions move the outputs by (n_outputs, n, n_samples).
 
-    The last is computed when it is asked for: all curves at once would be large.
+    The last is computed when it is asked for: all at once would be large.
     """
 
     location: str
-    variable: str
+    kind: str
+    signal: SignalForms
     moved: Callable[[], np.ndarray]
 
+    @property
+    def place(self) -> tuple[str, str]:
+        """Place and signal."""
+        return self.location, self.signal.variable
 
-def in_all_places(base: OdeCandidate) -> Iterator[tuple[PlacedSignal, SignalForms, str]]:
+
+def in_all_places(base: OdeCandidate) -> Iterator[PlacedSignal]:
     """Laws of near states and inputs in every balance, of each input in its place, of an element's flow, of outputs in every sensor."""
     problem, D = base.problem, base.disturbance
     plant, record = problem.plant, problem.record
@@ -47,25 +52,20 @@ def in_all_places(base: OdeCandidate) -> Iterator[tuple[PlacedSignal, SignalForm
     held = set(plant.inputs) if plant.hold == "zoh" else set()
     raw = list(laws(record, signals, names, plant.inputs))
     of_signals = [
-        law
-        if law.variable.removesuffix(AND_ITS_PAST) in held
-        else law._replace(functions=over_sample(record, law.functions))
-        for law in raw
+        law if law.signals[0] in held else law._replace(functions=over_sample(record, law.functions)) for law in raw
     ]
     times = list(of_time(record))
     acting = [*of_signals, *surfaces(record, signals, names, held), *times]
     for b, name in enumerate(problem.balances):
         for law in acting:
-            if not is_near(problem.near, name, law.variable.removesuffix(AND_ITS_PAST).split("*")):
+            if not is_near(problem.near, name, law.signals):
                 continue
-            moves = partial(moved, D.B[:, :, b].T, law.functions)
-            yield PlacedSignal(name, law.variable, moves), law, "state"
+            yield PlacedSignal(name, "state", law, partial(moved, D.B[:, :, b].T, law.functions))
     for i, name in enumerate(plant.inputs):
         push, shown = input_gain(base, i)
-        own = [law for law in raw if law.variable.removesuffix(AND_ITS_PAST) == name]
+        own = [law for law in raw if law.signals == [name]]
         for law in [*own, *staircases(record.u[i], name), *times]:
-            moves = partial(moved, push, law.functions, shown, law.shown)
-            yield PlacedSignal(name, law.variable, moves), law, "input"
+            yield PlacedSignal(name, "input", law, partial(moved, push, law.functions, shown, law.shown))
     named = {effect.location for effect in base.effects}
     # Beside names, a law of an element corrects the name of its own parameter.
     wanted = [name for name in plant.params if not named or name in named]
@@ -73,14 +73,12 @@ def in_all_places(base: OdeCandidate) -> Iterator[tuple[PlacedSignal, SignalForm
         push = np.einsum("tib,b->it", D.B, element.direction[problem.rows_of_balances])
         law = SignalForms(element.parameter, *static(element.flow))
         law = law._replace(functions=over_sample(record, law.functions))
-        moves = partial(moved, push, law.functions)
-        yield PlacedSignal(element.parameter, element.parameter, moves), law, "parameter"
+        yield PlacedSignal(element.parameter, "parameter", law, partial(moved, push, law.functions))
     readings = base.fit.y
     of_readings = [*laws(record, readings, plant.outputs, plant.outputs), *times]
     for o, name in enumerate(plant.outputs):
         for law in [*of_readings, *staircases(readings[o], name)]:
-            moves = partial(reading, len(plant.outputs), o, law.functions)
-            yield PlacedSignal(name, law.variable, moves), law, "output"
+            yield PlacedSignal(name, "output", law, partial(reading, len(plant.outputs), o, law.functions))
 
 
 def reading(n_outputs: int, o: int, f: np.ndarray) -> np.ndarray:

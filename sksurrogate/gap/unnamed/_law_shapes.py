@@ -46,7 +46,7 @@ RUNS_THAT_SHARE = 3
 def hats(z: np.ndarray, n_knots: int) -> np.ndarray:
     """Piecewise linear functions of a signal that add up to one, (n_knots, n_samples); one where it stands still."""
     knots = np.unique(np.quantile(z, np.linspace(0.0, 1.0, n_knots)))
-    if not moves(z):
+    if not varies(z):
         knots = knots[:1]
     return hats_at(z, knots)
 
@@ -74,6 +74,11 @@ class SignalForms(NamedTuple):
     forms: tuple[Form, ...]
     shown: np.ndarray | None = None
 
+    @property
+    def signals(self) -> list[str]:
+        """Names of its signals."""
+        return self.variable.removesuffix(AND_ITS_PAST).split("*")
+
 
 def laws(
     record: Record, signals: np.ndarray, names: Sequence[str], given: Container[str] = ()
@@ -85,7 +90,7 @@ def laws(
     """
     past = past_of(record, signals)
     for i, (name, z) in enumerate(zip(names, signals)):
-        if not moves(z):
+        if not varies(z):
             continue
         yield SignalForms(name, *static(z))
         plays, slews, at_samples = followers(record, z)
@@ -117,7 +122,7 @@ def pairs(f: np.ndarray) -> list[np.ndarray]:
 
 def staircases(z: np.ndarray, name: str) -> Iterator[SignalForms]:
     """A fine curve of an input or a reading, which may be a staircase."""
-    if moves(z):
+    if varies(z):
         f = hats(z, FINE_KNOTS)
         yield SignalForms(name, f, (Form(np.arange(len(f))),))
 
@@ -146,7 +151,7 @@ def surfaces(record: Record, signals: np.ndarray, names: Sequence[str], held: Co
 
     Signals named in ``held`` stand still within a sample.
     """
-    moving = [(name, z) for name, z in zip(names, signals) if moves(z)]
+    moving = [(name, z) for name, z in zip(names, signals) if varies(z)]
     for (a, za), (b, zb) in combinations(moving, 2):
         across, along = (np.concatenate([z[None], hats(z, KNOTS_OF_SURFACE)]) for z in (za, zb))
         ends = [f if name in held else at_end(record, f) for name, f in ((a, across), (b, along))]
@@ -171,7 +176,7 @@ def at_end(record: Record, f: np.ndarray) -> np.ndarray:
     return out
 
 
-def moves(z: np.ndarray) -> bool:
+def varies(z: np.ndarray) -> bool:
     """Whether a signal does not stand still."""
     return bool(np.ptp(z) > 1e-9 * max(float(np.max(np.abs(z))), 1e-300))
 
