@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import norm
 
-from sksurrogate.gap.decide._budget import budget_of
+from sksurrogate.gap.decide._budget import budget_of, remainder_of
 from sksurrogate.gap.decide._partial_results import Parts
 from sksurrogate.gap.results._effect_estimate import BAND
 from sksurrogate.gap.results._shrink import Shrink
@@ -74,3 +74,10 @@ def test_where_there_is_no_gap_there_are_no_shares():
 def test_what_no_stage_has_said_closes_nothing():
     assert (Parts().shares, Parts().retuning, Parts().probabilities) == ((), 0.0, ())
     assert pytest.approx(norm.ppf(0.95), abs=1e-3) == BAND
+
+
+@pytest.mark.parametrize(("share", "lawful"), [(0.2, 0.1), (0.04, 0.04), (-0.002, 0.0)])
+def test_a_law_is_no_more_than_what_is_left(share, lawful):
+    """Where the gap is below the noise, a law in it may be any number of its size."""
+    left = remainder_of(SHRINK, share, 1.0, replace(LAW, size=0.1, spread=0.02))
+    assert (left.share, left.lawful) == (share, lawful) and left.lawful_spread <= left.lawful

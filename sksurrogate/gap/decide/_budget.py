@@ -76,9 +76,10 @@ def _row(part: str, kind: str, share: float, below: float, above: float) -> dict
 
 
 def remainder_of(shrink: Shrink, share: float, over_noise: float, law: LawLeft | None) -> Remainder:
-    """What is left beside everything that is named."""
+    """What is left beside everything that is named; a law is no more than that."""
     if law is None:
         return Remainder(share, shrink.after, over_noise)
+    size, spread = np.clip((law.size, law.spread), 0.0, max(share, 0.0)).tolist()
     return Remainder(
-        share, shrink.after, over_noise, law.size, law.spread, law.probability, law.location, law.kind, law.variable
+        share, shrink.after, over_noise, size, spread, law.probability, law.location, law.kind, law.variable
     )
