@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from sksurrogate.effects._effect import BalanceEffect, Parameter, Probe
-from sksurrogate.effects._smooth import TINY, WITHIN_SAMPLE, positive, sign
+from sksurrogate.effects._smooth import TINY, WITHIN_SAMPLE, positive, power, sign, stable_power
 from sksurrogate.physics._simulator import Plant
 
 #: Levels of dry friction that may stop a state, over that of a tenth of its balance (a state that sticks hardly moves,
@@ -257,8 +257,13 @@ class PowerLaw(BalanceEffect):
         """``- c sign(v) |v|^m``, times w where there are two signals."""
         coefficient, exponent = theta
         if isinstance(v, tuple):
-            return -coefficient * np.sign(v[0]) * positive(np.abs(v[0])) ** exponent * v[1]
-        return -coefficient * np.sign(v) * positive(np.abs(v)) ** exponent
+            return -coefficient * power(v[0], exponent, 0.0) * v[1]
+        return -coefficient * power(v, exponent, width)
+
+    def smoothed(self, theta: Sequence[Any], width: float, h: float) -> Any:
+        """Where the slope of ``|v|^m``, m < 1, is too steep for steps ``h``; 0 where it is against another variable."""
+        coefficient, exponent = theta
+        return stable_power(coefficient, exponent, h)
 
     @classmethod
     def variables(cls, plant: Plant, location: str) -> Sequence[str | None]:

@@ -215,8 +215,8 @@ class BalanceEffect(BaseEffect):
         return 0.0
 
     def smoothed(self, theta: Sequence[Any], width: float, h: float) -> Any:
-        """Width of its kinks: a jump against the balance's own state is smoothed as far as steps ``h`` can follow it."""
-        return stable(width, self.jump(theta), h) if self.variable == self.location else width
+        """Width of its kinks: as far as steps ``h`` can follow a force against its own variable (0: it is against none)."""
+        return stable(width, self.jump(theta), h)
 
     @classmethod
     def variables(cls, plant: Plant, location: str) -> Sequence[str | None]:

@@ -158,6 +158,10 @@ class _StartingLaw(Starting, BalanceEffect):
         """That of the effect."""
         return super().jump(self.own(theta) if len(theta) == len(self.parameters) else theta)
 
+    def smoothed(self, theta: Sequence[Any], width: float, h: float) -> Any:
+        """That of the effect."""
+        return super().smoothed(self.own(theta), width, h)
+
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
         """Those of the effect as it is always there, in windows."""
         return self._in_windows(self.always(**self.get_params(deep=False)).starts(probe), probe)

@@ -8,6 +8,8 @@ import numpy as np
 
 #: Floor under roots and powers, whose slope at 0 is infinite.
 TINY = 1e-12
+#: Exponents up to which a power is bent straight: nearer to 1 it is as straight as makes no difference.
+MOST_BENT = 0.99
 #: What takes less than this share of a sample is not seen.
 WITHIN_SAMPLE = 0.2
 
@@ -30,6 +32,27 @@ def stable(width: float, jump: Any, h: float) -> Any:
     array([0.01, 0.5 ])
     """
     return np.maximum(width, 0.5 * h * jump)
+
+
+def power(v: Any, exponent: Any, width: Any = 0.0) -> Any:
+    """``sign(v) |v|^exponent``, a straight line through 0 where ``|v|`` is below the width.
+
+    >>> power(np.array([-4.0, 0.0, 1.0, 4.0]), 0.5, 1e-3)
+    array([-2.,  0.,  1.,  2.])
+    """
+    size, edge = np.abs(v), positive(width)
+    return np.sign(v) * np.maximum(size, edge) ** exponent * np.minimum(size / edge, 1.0)
+
+
+def stable_power(coefficient: Any, exponent: Any, h: float) -> Any:
+    """Width of the straight line of ``c sign(v) |v|^m`` with ``m < 1``: its slope times a step ``h`` is 2 there.
+
+    >>> stable_power(10.0, np.array([0.0, 0.5, 1.5]), 0.1)
+    array([0.5 , 0.25, 0.  ])
+    """
+    below = np.minimum(exponent, MOST_BENT)
+    with np.errstate(divide="ignore"):
+        return np.where(np.asarray(exponent) < 1.0, (0.5 * h * np.asarray(coefficient)) ** (1.0 / (1.0 - below)), 0.0)
 
 
 def magnitude(v: Any, width: float) -> Any:

@@ -10,7 +10,6 @@ import numpy as np
 
 from sksurrogate.effects._effect import BalanceEffect, BaseEffect
 from sksurrogate.effects._ports import at_port
-from sksurrogate.effects._smooth import stable
 from sksurrogate.effects._structure import largest_gains
 from sksurrogate.physics._model import PlantModel
 from sksurrogate.physics._simulator import Plant
@@ -76,15 +75,9 @@ def feedback_of(model: PlantModel, port: int, drivers: Sequence[tuple[bool, int]
 
 
 def kink_width(effect: BaseEffect, wire: Wire, parameters: Sequence[Any], h: float) -> Any:
-    """Width of an effect's kinks in steps ``h``: a jump against its own variable is smoothed as far as they can follow it."""
+    """Width of an effect's kinks in steps ``h``: a jump against its own variable is smoothed as far as they follow it."""
     width = h if wire.width is None else wire.width
-    if not isinstance(effect, BalanceEffect):
-        return width
-    if wire.port < 0:
-        width = effect.smoothed(parameters, width, h)
-    elif wire.feedback:
-        width = stable(width, effect.jump(parameters), h * wire.feedback)
-    return width
+    return effect.smoothed(parameters, width, h * wire.feedback) if isinstance(effect, BalanceEffect) else width
 
 
 def entering(

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sksurrogate.effects import CATALOGUE
+from sksurrogate.effects import CATALOGUE, AugmentedSimulator, starting
 from sksurrogate.gap.fit._build import build_problem
 from sksurrogate.gap.fit._ode import Numerics
 from sksurrogate.kernels.linearised import linearise
@@ -70,3 +70,20 @@ def test_the_level_is_found_from_far_off(problem, start):
     problem, smoothed = problem
     candidate = problem.fit((CATALOGUE["coulomb_friction"]("v", "v"),), np.array([start]), smoothed.x)
     assert candidate.fit.theta[0] == pytest.approx(LEVEL, rel=0.03)
+
+
+@pytest.mark.parametrize("exponent", [0.05, 0.3, 0.6])
+@pytest.mark.parametrize("coefficient", [1.0, 20.0])
+def test_a_power_below_one_comes_to_rest_as_in_closed_form(exponent, coefficient):
+    """|x|^(1 - m) falls in a straight line and stays at 0, however steep the law is there."""
+    still = ODESimulator(lambda t, x, u, p: (u[0],), states=["x"], inputs=["u"], outputs=["x"], params={}, dt=0.01)
+    law = CATALOGUE["power_law"]("x", "x")
+    values = {"coefficient": coefficient, "exponent": exponent}
+    t = 0.01 * np.arange(300)
+    remains = np.maximum(1.0 - (1.0 - exponent) * coefficient * t, 0.0) ** (1.0 / (1.0 - exponent))
+    for sign in (1.0, -1.0):
+        x = AugmentedSimulator(still, [law], [values]).simulate(np.zeros((300, 1)), x0=[sign])[:, 0]
+        np.testing.assert_allclose(x, sign * remains, atol=2e-5)
+    late = AugmentedSimulator(still, [starting(law)], [{**values, "onset": 0.5}])
+    x = late.simulate(np.zeros((300, 1)), x0=[1.0])[:, 0]  # the window opens within the substeps beside 0.5
+    np.testing.assert_allclose(x[51:], remains[1:250], atol=2e-5)
