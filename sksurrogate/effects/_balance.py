@@ -235,7 +235,7 @@ class SqrtLeak(BalanceEffect):
 
 
 #: An odd power below this one jumps at zero: at a hundredth of its signal's size it has a third of its force.
-JUMP = 0.25
+LEAST_ODD_EXPONENT = 0.25
 
 
 class PowerLaw(BalanceEffect):
@@ -276,7 +276,7 @@ class PowerLaw(BalanceEffect):
         """No jump at zero: that is a dry friction, which has a width on a real plant."""
         assert probe.v is not None
         v = probe.factors[0] if len(probe.factors) == 2 else probe.v
-        return bool(theta[1] > JUMP or np.min(v) >= 0.0 or np.max(v) <= 0.0)
+        return bool(theta[1] > LEAST_ODD_EXPONENT or np.min(v) >= 0.0 or np.max(v) <= 0.0)
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
         """Exponents below and above one; none where v never is positive: there the loss would be a gain."""

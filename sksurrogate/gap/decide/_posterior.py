@@ -161,19 +161,26 @@ def needed_only(search: OdeSearch, final: Evidence) -> Evidence:
     A set that leaves more than the noise is not exact: there a small effect may only correct the form of the others. Of two forms
     of one law one is enough, where it closes the gap up to the tolerance: no form is exact on a real plant.
     """
-    while len(final.effects) > 1:
-        fewer = _nearest_without(search, final, [i for pair in _forms_of_one_law(final.effects) for i in pair])
-        if fewer is None or fewer.fit.cost > search.tolerated_cost:
-            fewer = _nearest_without(search, final, range(len(final.effects))) if final.left > SETTLED else None
-            if fewer is None or is_needed(final.fit.cost, fewer.fit.cost, search.tolerated_cost):
-                break
+    while (fewer := _without_needless(search, final)) is not None:
         final = _taken(search, fewer, final)
     return final
 
 
-def _forms_of_one_law(effects: Sequence[BaseEffect]) -> list[tuple[int, int]]:
-    """Positions of the pairs that are forms of one law."""
-    return [(i, j) for i, j in combinations(range(len(effects)), 2) if of_one_law(effects[i], effects[j])]
+def _without_needless(search: OdeSearch, final: Evidence) -> OdeCandidate | None:
+    """The set without the effect that is needed least; None where all are needed."""
+    if len(final.effects) < 2:
+        return None
+    one_form = _nearest_without(search, final, _forms_of_one_law(final.effects))
+    if one_form is not None and one_form.fit.cost <= search.tolerated_cost:
+        return one_form
+    fewer = _nearest_without(search, final, range(len(final.effects))) if final.left > SETTLED else None
+    return None if fewer is None or is_needed(final.fit.cost, fewer.fit.cost, search.tolerated_cost) else fewer
+
+
+def _forms_of_one_law(effects: Sequence[BaseEffect]) -> list[int]:
+    """Positions of the effects that are forms of one law with another."""
+    pairs = combinations(range(len(effects)), 2)
+    return sorted({i for pair in pairs if of_one_law(*(effects[k] for k in pair)) for i in pair})
 
 
 def _nearest_without(search: OdeSearch, final: Evidence, positions: Iterable[int]) -> OdeCandidate | None:

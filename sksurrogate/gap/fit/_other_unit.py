@@ -21,7 +21,7 @@ OF_READINGS = (DEGREES, 1000.0, 100.0, 1 / DEGREES, 1 / 1000.0, 1 / 100.0)
 MORE_EXPLAINED = 0.5
 #: All signals in so small a unit: the simulator is linear there.
 SMALL_MOTIONS = 1e6
-#: A unit of all signals that leaves no less than half of what a linear simulator does is no unit of its own, unless it leaves less.
+#: Share of the variance that a unit of all signals may leave, where the simulator of small motions leaves less than twice as much.
 MOST_UNEXPLAINED = 0.05
 #: Steps of the integrator in a sample, enough where a sample resolves the plant.
 SUBSTEPS_OF_A_LOOK = 8
@@ -56,11 +56,7 @@ def _of_time(model: PlantModel, record: Record, own: float) -> str:
 
 def _of_readings(model: PlantModel, record: Record, own: float) -> str:
     """Readings in other units, each in the likeliest one, or all of them and the inputs in the same."""
-
-    def all_in(k: float) -> tuple[np.ndarray, np.ndarray]:
-        return np.full(len(record.u), k), np.full(len(record.y), k)
-
-    options = [(np.ones(len(record.u)), _likely_units(model, record)), *map(all_in, OF_READINGS)]
+    options = [(np.ones(len(record.u)), _likely_units(model, record)), *(_all_in(record, k) for k in OF_READINGS)]
     found = [_explained(model, _divided(record, *option)) for option in options]
     best = int(np.argmax(found))
     if found[best] < own + MORE_EXPLAINED or (best > 0 and _is_linear(model, record, 1.0 - found[best])):
@@ -76,8 +72,8 @@ def _of_readings(model: PlantModel, record: Record, own: float) -> str:
 
 def _is_linear(model: PlantModel, record: Record, unexplained: float) -> bool:
     """Whether a simulator of small motions does as well as one in another unit of all signals: any small unit would then do."""
-    small = np.full(len(record.u), SMALL_MOTIONS), np.full(len(record.y), SMALL_MOTIONS)
-    as_well = 1.0 - _explained(model, _divided(record, *small)) < 2.0 * unexplained
+    small = _divided(record, *_all_in(record, SMALL_MOTIONS))
+    as_well = 1.0 - _explained(model, small) < 2.0 * unexplained
     return as_well and unexplained > MOST_UNEXPLAINED
 
 
@@ -89,6 +85,11 @@ def _likely_units(model: PlantModel, record: Record) -> np.ndarray:
         return np.ones(len(size))
     known = np.array([1.0, *OF_READINGS])
     return known[np.argmin(np.abs(np.log(record.spread / size)[:, None] - np.log(known)), axis=1)]
+
+
+def _all_in(record: Record, factor: float) -> tuple[np.ndarray, np.ndarray]:
+    """One factor for every input, and for every output."""
+    return np.full(len(record.u), factor), np.full(len(record.y), factor)
 
 
 def _divided(record: Record, inputs: np.ndarray, outputs: np.ndarray) -> Record:

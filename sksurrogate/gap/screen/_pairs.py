@@ -36,7 +36,7 @@ def best_pairs(screen: Screen, most: int) -> list[Pair]:
     keys = list(dict.fromkeys(start.effect.key for start in screen.starts))
     if len(keys) < 2 or screen.columns is None or not np.isfinite(screen.known).all():
         return []
-    screen = some(
+    screen = with_columns(
         screen, paired([start.effect.key for start in screen.starts], [start.white for start in screen.starts])
     )
     columns, place = _Columns.of(screen), {key: i for i, key in enumerate(keys)}
@@ -69,11 +69,11 @@ def beside(screen: Screen, base: Screen, taken: Collection[Any]) -> Screen:
     """
     if screen.columns is None:
         return screen
-    kept = some(screen, [k for k, start in enumerate(screen.starts) if start.effect.key not in taken])
+    kept = with_columns(screen, [k for k, start in enumerate(screen.starts) if start.effect.key not in taken])
     return replace(base, starts=kept.starts, raw=kept.raw, columns=kept.columns, low=kept.low, high=kept.high)
 
 
-def some(screen: Screen, kept: Sequence[int]) -> Screen:
+def with_columns(screen: Screen, kept: Sequence[int]) -> Screen:
     """A screen with some of its columns."""
     assert screen.columns is not None
     if len(kept) == len(screen.starts):
