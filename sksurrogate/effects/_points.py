@@ -9,7 +9,8 @@ import numpy as np
 
 from sksurrogate.effects._model import AugmentedModel, BoundModel
 from sksurrogate.export._symbol import Symbol, joined, symbols
-from sksurrogate.physics._model import PlantModel, wired
+from sksurrogate.physics._forces import wired
+from sksurrogate.physics._model import PlantModel
 from sksurrogate.physics._simulator import Plant
 
 

@@ -228,6 +228,7 @@ class DiagnosisPipeline(LawStage[C]):
             remainder=self.remainder(),
             data=faults_of(self.book, self.null.candidate, self.rows),
             scale=() if self.unnamed.scale is None else tuple(map(float, self.unnamed.scale)),
+            mistakes=_notes.mistakes(list(self.search.lost)),
         )
 
     def place_and_term(self, verdict: str, effects: list[EffectEstimate]) -> tuple[Where, MissingTerm | None]:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
 
 from sksurrogate.kernels.clock import check_time
+from sksurrogate.physics._forces import check_forces, wired
 from sksurrogate.physics._rhs import PointwiseFunction, locked
 from sksurrogate.physics._simulator import Plant
 
@@ -54,6 +55,7 @@ class PlantModel:
             self._step.probe(*at, self.plant.dt)
         if self._output is not None:
             self._output.probe(*at)
+        check_forces(self.plant, u)
 
     def seconds_of_a_call(self, u: np.ndarray) -> float:
         """Of the right-hand side or the step at the initial state and inputs (n_inputs, n_points)."""
@@ -137,39 +139,6 @@ class PlantModel:
             return x[list(self._selected)]
         assert self._output is not None
         return self._call(self._output, t, x, u, varied)
-
-
-class _WithForces:
-    """A function of a simulator with further ports, which takes what enters there as rows behind the inputs.
-
-    Parameters
-    ----------
-    function : callable (t, x, u, p, ..., forces)
-    n_inputs : int
-    places : list of int
-        Of the ports behind the inputs, among those that the simulator offers.
-    n_offered : int
-    """
-
-    def __init__(self, function: Callable[..., Any], n_inputs: int, places: Sequence[int], n_offered: int):
-        self.function, self.n_inputs, self.places, self.n_offered = function, n_inputs, list(places), n_offered
-
-    def __call__(self, t: Any, x: np.ndarray, u: np.ndarray, p: Mapping[str, Any], *extra: Any) -> Any:
-        if len(u) == self.n_inputs:
-            return self.function(t, x, u, p, *extra)
-        forces = np.zeros((self.n_offered, *np.shape(u)[1:]), dtype=u.dtype)
-        forces[self.places] = u[self.n_inputs :]
-        return self.function(t, x, u[: self.n_inputs], p, *extra, forces)
-
-
-def wired(plant: Plant) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """What lets a function of the simulator take forces at further ports; nothing where there are none."""
-    further = plant.further_ports
-    if not further:
-        return lambda function: function
-    offered = [str(name) for name in plant.simulator.ports]
-    places = [offered.index(name) for name in further]
-    return lambda function: _WithForces(function, len(plant.inputs), places, len(offered))
 
 
 class _Flattened:

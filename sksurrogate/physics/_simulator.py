@@ -132,7 +132,7 @@ class Plant:
         if self.access == "trajectory":
             return ()
         taken = {*self.inputs, *self.states}
-        return tuple(str(name) for name in getattr(self.simulator, "ports", None) or () if name not in taken)
+        return tuple(name for name in offered_ports(self.simulator) if name not in taken)
 
     @property
     def ports(self) -> tuple[str, ...]:
@@ -158,6 +158,11 @@ def _names(given: Sequence[str] | None, count: int | None, letter: str) -> tuple
     if given is not None:
         return (given,) if isinstance(given, str) else tuple(str(name) for name in given)
     return tuple(f"{letter}{k}" for k in range(count or 0))
+
+
+def offered_ports(simulator: Any) -> tuple[str, ...]:
+    """Names of the ports that a simulator offers beside its inputs."""
+    return _names(getattr(simulator, "ports", None), 0, "")
 
 
 def _or(given: Any, own: Any) -> Any:
@@ -212,11 +217,13 @@ def describe(
     inputs = _names(_or(getattr(simulator, "inputs", None), own.get("inputs")), n_inputs, "u")
     outputs = _names(_or(getattr(simulator, "outputs", None), own.get("outputs")), n_outputs, "y")
     states = _names(own_states, 0, "x")
-    twice = [name for k, name in enumerate(states) if name in states[:k]]
-    if twice:
-        raise SimulatorError(
-            f"states={list(states)}: {twice[0]!r} is named twice; every state needs a name of its own."
-        )
+    ports = offered_ports(simulator)
+    for names, what in ((states, "state"), (inputs, "input"), (outputs, "output"), (ports, "port")):
+        twice = [name for k, name in enumerate(names) if name in names[:k]]
+        if twice:
+            raise SimulatorError(
+                f"{what}s={list(names)}: {twice[0]!r} is named twice; every {what} needs a name of its own."
+            )
     for given, count, what, argument in ((inputs, n_inputs, "inputs", "X"), (outputs, n_outputs, "outputs", "y")):
         if count is not None and len(given) != count:
             raise SimulatorError(
@@ -227,7 +234,7 @@ def describe(
     start = np.zeros(len(states)) if x0 is None else np.asarray(x0, dtype=float).reshape(-1)
     own_dt = getattr(simulator, "dt", None)
     params = dict(getattr(simulator, "params", None) or {})
-    _check_units(simulator, {*states, *inputs, *outputs, *params, *(getattr(simulator, "ports", None) or ()), "time"})
+    _check_units(simulator, {*states, *inputs, *outputs, *params, *ports, "time"})
     return Plant(
         simulator,
         access,

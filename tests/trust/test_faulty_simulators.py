@@ -37,6 +37,8 @@ class Fault:
             raise ValueError("the input is refused")
         if self.kind == "raises something odd":
             raise Odd("the input is refused")
+        if self.kind == "has a mistake":
+            return undefined_name  # noqa: F821
         if self.kind == "warns":
             warnings.warn(f"warning {self.hits}", RuntimeWarning, stacklevel=2)
         if self.kind == "prints":
@@ -115,6 +117,19 @@ def test_candidates_that_the_simulator_fails_for_are_lost_and_the_right_one_is_n
         assert any("was left out: " in note and one in note for note in report.notes)
     if kind in ("warns", "prints", "is slow"):
         assert not any("was left out: " in note for note in report.notes)
+
+
+@pytest.mark.parametrize("make", SIMULATORS)
+def test_a_mistake_in_the_simulator_stands_in_the_sentence_for_the_right_effect_may_be_lost(make):
+    report = diagnosed(make, Fault("has a mistake"))
+    words = (
+        "But the simulator has a mistake, and effects that needed this part of it could not be tried: NameError: name"
+    )
+    assert report.mistakes == ("NameError: name 'undefined_name' is not defined",)
+    for text in (report.sentence, " ".join(str(report).split()), report.to_html()):
+        assert words in text
+    honest = diagnosed(make, Fault("raises"))  # a refusal of a point is none
+    assert honest.mistakes == () and "mistake" not in honest.sentence
 
 
 @pytest.mark.parametrize(

@@ -57,6 +57,21 @@ def _retuned(row: Mapping[str, Any], report: ReportData) -> str:
 
 
 def headline(report: ReportData) -> str:
+    """The verdict in one sentence, or two, and what stands behind a reservation."""
+    return f"{_verdict(report)}{_reservation(report)}"
+
+
+def _reservation(report: ReportData) -> str:
+    """That effects could not be tried; empty where all could."""
+    if not report.mistakes:
+        return ""
+    return (
+        f" But the simulator has a mistake, and effects that needed this part of it could not be tried: {report.mistakes[0].rstrip('.')}."
+        " The right effect may be one of them: mend it and diagnose again."
+    )
+
+
+def _verdict(report: ReportData) -> str:
     """The verdict in one sentence, or two."""
     if _is_undecided(report):
         by_then = f" Found by then, not judged yet: {_named(report)}." if report.effects else ""

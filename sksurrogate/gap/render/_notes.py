@@ -63,6 +63,19 @@ def lost_candidates(said: Sequence[str]) -> list[str]:
     ]
 
 
+#: Errors that no value of a state, input or parameter is the reason of.
+MISTAKES = ("TypeError", "NameError", "UnboundLocalError", "AttributeError", "ImportError", "ModuleNotFoundError")
+
+
+def mistakes(said: Sequence[str]) -> tuple[str, ...]:
+    """What the simulator raised that is a mistake in it: no refusal of a point.
+
+    >>> mistakes(["ValueError: the level is negative", "NameError: name 'level' is not defined"])
+    ("NameError: name 'level' is not defined",)
+    """
+    return tuple(one for one in said if one.partition(":")[0] in MISTAKES)
+
+
 def of_the_inputs(names: Sequence[str], u: np.ndarray) -> list[str]:
     """Inputs (n_inputs, n_samples) that never move."""
     still = [name for name, signal in zip(names, u) if np.ptp(signal) == 0]

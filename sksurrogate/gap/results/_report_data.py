@@ -49,6 +49,7 @@ class ReportData:
     provenance: Provenance = UNKNOWN_PROVENANCE
     data: DataFaults = NO_FAULTS
     scale: tuple[float, ...] = ()
+    mistakes: tuple[str, ...] = ()
 
     @property
     def law(self) -> Law | None:
