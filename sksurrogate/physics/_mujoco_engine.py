@@ -19,6 +19,8 @@ from sksurrogate.physics._mujoco_params import assign, colliding, read_parameter
 _LARGEST_BLOCK = 4_000_000
 #: Copies of the model that hold different parameters, and the bytes that all of them may take.
 _MOST_COPIES, _MOST_BYTES = 64, 256_000_000
+#: Odd number (the golden ratio of 64 bits) that spreads the bits of a hash.
+_ODD = np.uint64(0x9E3779B97F4A7C15)
 #: Engines of a parent process: their threads do not exist in a forked child, where freeing them would wait for ever.
 _LEFT_BEHIND: list[Any] = []
 
@@ -42,6 +44,20 @@ class Points:
     controls: np.ndarray
     forces: np.ndarray | None
     p: Mapping[str, Any]
+
+    def distinct(self) -> tuple[Points, np.ndarray]:
+        """The points without those that are another again, and which of them each point is.
+
+        Columns of a linearisation or of a line search differ at some samples only: within a window, after a jump.
+        """
+        varied = {name: value for name, value in self.p.items() if np.ndim(value)}
+        rows = [self.t, self.x, self.controls, *([] if self.forces is None else [self.forces]), *varied.values()]
+        first, which = first_of_equals(np.vstack(rows))
+        if len(first) == len(which):
+            return self, which
+        p = {name: value[first] if name in varied else value for name, value in self.p.items()}
+        forces = None if self.forces is None else self.forces[:, first]
+        return Points(self.t[first], self.x[:, first], self.controls[:, first], forces, p), which
 
 
 class Engine:
@@ -137,7 +153,8 @@ class Engine:
         return self._points("step", at, 1, None)[1]
 
     def _points(self, kind: str, at: Points, n_steps: int, timestep: float | None) -> tuple[np.ndarray, np.ndarray]:
-        """States after some steps, and sensors at the points; not finite where the model runs away."""
+        """States after some steps, and sensors at the points, equal ones computed once; not finite where the model runs away."""
+        at, which = at.distinct()
         n_points, n_controls = at.x.shape[1], len(at.controls)
         control = np.zeros((n_points, n_controls + len(self.layout.ports)))
         control[:, :n_controls] = at.controls.T
@@ -157,7 +174,7 @@ class Engine:
                 held = np.broadcast_to(control[some, None], (len(some), n_steps, control.shape[1]))
                 full, read = self._rollout(given, start[some], held, timestep)
                 states[some], sensors[some] = full[:, -1, 1 : 1 + self.n_states], read[:, 0]
-        return states.T, sensors.T
+        return states[which].T, sensors[which].T
 
     def _with_parameters(
         self, kind: str, p: Mapping[str, Any], sound: np.ndarray, timestep: float | None
@@ -177,7 +194,8 @@ class Engine:
         rows = np.flatnonzero(sound)
         if not len(rows):
             return
-        sets, which = distinct_columns(table[:, rows])
+        first, which = first_of_equals(table[:, rows])
+        sets = table[:, rows[first]]
         for a in range(0, sets.shape[1], copies.most):
             chosen = (which >= a) & (which < a + copies.most)
             models = [
@@ -312,23 +330,25 @@ def _explicit(model: Any) -> Any:
     return out
 
 
-def distinct_columns(table: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Distinct columns in lexical order, and which of them each column is.
+def first_of_equals(columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Places of the first of equal columns, in their order, and which of them each column is.
 
-    A point of a fit has one of a few sets of many parameters: looked up by their bytes, no point is sorted, as it is by
-    :func:`numpy.unique` along an axis.
+    Columns are looked up by a hash of their bits: none is sorted, as :func:`numpy.unique` sorts them along an axis.
 
-    >>> sets, which = distinct_columns(np.array([[2.0, 1.0, 2.0], [0.5, 0.5, 0.5]]))
-    >>> sets.tolist(), which.tolist()
-    ([[1.0, 2.0], [0.5, 0.5]], [1, 0, 1])
+    >>> first, which = first_of_equals(np.array([[2.0, 1.0, 2.0], [0.5, 0.5, 0.5]]))
+    >>> first.tolist(), which.tolist()
+    ([0, 1], [0, 1, 0])
     """
-    columns = np.ascontiguousarray(table.T, dtype=float) + 0.0  # -0 becomes 0
-    number: dict[bytes, int] = {}
-    keys = columns.view(f"V{columns.itemsize * columns.shape[1]}").ravel().tolist()
-    which = np.array([number.setdefault(key, len(number)) for key in keys])
-    sets = np.frombuffer(b"".join(number)).reshape(len(number), -1).T
-    order = np.lexsort(sets[::-1])
-    return sets[:, order], np.argsort(order)[which]
+    bits = (np.ascontiguousarray(columns, dtype=float) + 0.0).view(np.uint64)  # -0 becomes 0
+    key = np.zeros(bits.shape[1], np.uint64)
+    for row in bits:
+        key = (key ^ row) * _ODD
+        key ^= key >> np.uint64(32)
+    _, first, which = np.unique(key, return_index=True, return_inverse=True)
+    if not np.array_equal(bits[:, first[which]], bits):  # different columns with one hash
+        return np.arange(len(key)), np.arange(len(key))
+    order = np.argsort(first)
+    return first[order], np.argsort(order)[which]
 
 
 @contextmanager

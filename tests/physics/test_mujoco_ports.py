@@ -158,11 +158,37 @@ def test_the_model_that_is_written_says_what_it_cannot_hold(tmp_path):
     assert np.allclose(read.simulate(inputs()), without.simulate(inputs()), rtol=0, atol=1e-12)
 
 
-def test_distinct_columns_are_those_of_numpy():
-    from sksurrogate.physics._mujoco_engine import distinct_columns
+def test_the_first_of_equal_columns_are_as_many_as_those_of_numpy():
+    from sksurrogate.physics._mujoco_engine import first_of_equals
 
     table = np.random.default_rng(0).integers(0, 3, size=(3, 200)).astype(float)
     table[table == 0.0] = np.resize([0.0, -0.0], np.sum(table == 0.0))
-    sets, which = np.unique(table, axis=1, return_inverse=True)
-    found, places = distinct_columns(table)
-    assert np.array_equal(found, sets) and np.array_equal(places, np.ravel(which))
+    first, which = first_of_equals(table)
+    assert np.array_equal(table[:, first][:, which], table)
+    assert np.array_equal(first, np.sort(np.unique(table, axis=1, return_index=True)[1]))
+
+
+def test_points_that_are_equal_are_computed_once(monkeypatch):
+    simulator, rng = arm(), np.random.default_rng(0)
+    engine = simulator._engine()
+    states, inputs = rng.normal(size=(4, 6)), rng.normal(size=(2, 6))
+    forces, damping = rng.normal(size=(len(simulator.ports), 6)), rng.uniform(0.1, 0.3, 6)
+    points = 0.01 * np.arange(6), states, inputs, {"elbow.damping": damping}, 0.01, forces
+    alone = np.column_stack([simulator.step(*(part_of(part, k) for part in points)) for k in range(6)])
+    asked, rollout = [], engine._rollout
+
+    def counted(models, start, *rest):
+        asked.append(len(start))
+        return rollout(models, start, *rest)
+
+    monkeypatch.setattr(engine, "_rollout", counted)
+    again = rng.integers(0, 6, size=200)
+    assert np.array_equal(simulator.step(*(part_of(part, again) for part in points)), alone[:, again])
+    assert sum(asked) == 6
+
+
+def part_of(part, k):
+    """Of what varies from point to point some points, anything else as it is."""
+    if isinstance(part, dict):
+        return {name: value[k] for name, value in part.items()}
+    return part[..., k] if isinstance(part, np.ndarray) else part
