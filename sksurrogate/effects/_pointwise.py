@@ -9,6 +9,7 @@ import numpy as np
 
 from sksurrogate.effects._at_work import paired, values_of
 from sksurrogate.effects._effect import BalanceEffect, BaseEffect, ParameterEffect
+from sksurrogate.physics._simulator import offered_ports
 
 
 class Augmented(Protocol):
@@ -54,7 +55,7 @@ def entering_at(
     """The inputs with laws at them, and what enters at further ports, where a law acts at one."""
     if not laws:
         return u, ()
-    inputs, further = list(model.inputs), list(getattr(model.simulator, "ports", None) or ())
+    inputs, further = list(model.inputs), offered_ports(model.simulator)
     enters, forces = list(u), [np.zeros_like(x[0]) for _ in further]
     for effect, given in laws:
         here = str(effect.location)

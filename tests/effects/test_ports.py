@@ -265,3 +265,29 @@ def test_a_port_is_that_of_a_balance_whatever_a_solver_smears_over_a_step(enters
     if enters_one:
         np.testing.assert_allclose(structures[1].gain[1], structures[0].gain[1], rtol=1e-5)
     assert places_of(stepped, ["rate"]) == places_of(plain, ["rate"])
+
+
+class Ported(ODESimulator):
+    """A cart with a joint of its own, and a reading of its acceleration."""
+
+    ports = ["joint"]
+
+    @staticmethod
+    def acceleration(x, u, p, forces):
+        return (u[0] + (0.0 if forces is None else forces[0]) - p["k"] * x[0]) / p["m"]
+
+
+@pytest.mark.parametrize("location", ["joint", "force"])
+def test_a_reading_of_forces_is_the_same_along_a_run_and_at_a_point(location):
+    of = Ported.acceleration
+    plant = Ported(
+        lambda t, x, u, p, forces=None: (x[1], of(x, u, p, forces)),
+        output=lambda t, x, u, p, forces=None: (x[0], of(x, u, p, forces)),
+        states=["q", "v"], inputs=["force"], outputs=["q", "a"], params={"k": 20.0, "m": 2.0}, dt=0.02, x0=[0.3, 0.0],
+    )  # fmt: skip
+    friction = AugmentedSimulator(plant, [CATALOGUE["coulomb_friction"](location, "v")], [{"level": 0.4}])
+    U = steps(3, 1)
+    X, _ = friction.simulate_states(U)
+    pointwise = [friction.output(0.0, x, u, friction.params) for x, u in zip(X, U)]
+    np.testing.assert_allclose(friction.simulate(U), pointwise, atol=1e-12)
+    assert np.max(np.abs(friction.simulate(U) - [plant.output(0.0, x, u, plant.params) for x, u in zip(X, U)])) > 0.19
