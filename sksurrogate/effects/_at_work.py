@@ -31,9 +31,15 @@ def acting_in(effects: Sequence[Any], runs: Sequence[Sequence[Any] | None] | Non
     >>> acting_in(["lag", "gain"], [["b"], None], "a")
     [1]
     """
+    listed = runs is None or (isinstance(runs, Sequence) and not isinstance(runs, str))
+    if not listed:
+        raise SimulatorError(f"runs={runs!r}: expected a list, with the labels of the runs (or None) for each effect.")
     some = [None] * len(effects) if runs is None else list(runs)
     if len(some) != len(effects):
         raise SimulatorError(f"runs has {len(some)} entries, effects {len(effects)}: give one for each effect.")
+    text = next((labels for labels in some if isinstance(labels, str)), None)
+    if text is not None:  # its letters are no labels
+        raise SimulatorError(f"runs holds {text!r}, expected a list of labels for each effect; write [{text!r}].")
     for labels in some:
         alike = [one for one in labels or () if str(one) == str(label) and one != label]
         if alike:
@@ -74,7 +80,10 @@ def values_of(effect: BaseEffect, given: Any) -> tuple[float, ...]:
         if set(given) != set(names):
             raise SimulatorError(f"values of {effect!r}: got {sorted(given)}, expected {names}.")
         given = [given[name] for name in names]
-    numbers = tuple(float(value) for value in np.ravel(given))
+    try:
+        numbers = tuple(float(value) for value in np.ravel(given))
+    except (TypeError, ValueError):
+        raise SimulatorError(f"values of {effect!r}: got {given!r}, expected numbers.") from None
     if len(numbers) != len(names):
         raise SimulatorError(f"values of {effect!r}: got {len(numbers)} numbers, expected {names}.")
     return numbers

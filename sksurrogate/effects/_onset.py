@@ -344,8 +344,8 @@ def starting(effect: BaseEffect, span: Sequence[str] = ("onset",)) -> BaseEffect
     >>> late.name, [parameter.name for parameter in late.parameters]
     ('coulomb_friction', ['level', 'onset'])
     """
-    wanted = tuple(span)
-    if not wanted or any(name not in WINDOW for name in wanted) or len(set(wanted)) < len(wanted):
+    wanted = tuple(span or ())
+    if wanted not in (("onset",), ("end",), ("onset", "end")):
         raise DataError(f"span={span!r}: expected ('onset',), ('end',) or ('onset', 'end').")
     if not can_start(effect):
         raise DataError(

@@ -14,7 +14,7 @@ import numpy as np
 from sksurrogate._files import write_text
 from sksurrogate.effects._arguments import as_arguments, as_text, listed
 from sksurrogate.effects._at_work import acting_in, paired, values_of
-from sksurrogate.effects._catalogue import CATALOGUE
+from sksurrogate.effects._catalogue import CATALOGUE, check_place
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.effects._law import InputLawEffect, LawEffect, MemoryLawEffect, SensorLawEffect
 from sksurrogate.effects._onset import Starting, starting
@@ -22,6 +22,7 @@ from sksurrogate.effects._parts import Parameter
 from sksurrogate.effects._simulator import AugmentedSimulator
 from sksurrogate.effects._trajectory import retuned_simulator
 from sksurrogate.exceptions import DataError
+from sksurrogate.physics._simulator import describe
 
 #: A file of names and numbers is small; a larger one is refused unread.
 LARGEST_FILE = 2**20
@@ -102,6 +103,7 @@ def augmented_text(augmented: AugmentedSimulator, **notes: Any) -> str:
     """What :func:`save_augmented` writes."""
     scale, runs = augmented.scale, augmented.runs or [None] * len(augmented.effects)
     acting_in(augmented.effects, runs, None)  # refuses runs of other effects
+    _check_fits(augmented)
     for note, value in notes.items():
         try:
             json.dumps(value)
@@ -135,6 +137,14 @@ def augmented_text(augmented: AugmentedSimulator, **notes: Any) -> str:
             "and notes, or keep the simulator with skops or joblib."
         )
     return written
+
+
+def _check_fits(augmented: AugmentedSimulator) -> None:
+    """What names something that the simulator does not have is not written: it could not be read again."""
+    plant = describe(retuned_simulator(augmented.simulator, augmented.retuned))
+    for effect, _ in paired(augmented.effects, augmented.values):
+        if plant.inputs and plant.outputs:
+            check_place(effect, plant)
 
 
 def load_augmented(simulator: Any, path: Any, effects: Any = ()) -> AugmentedSimulator:
@@ -190,6 +200,7 @@ def load_augmented(simulator: Any, path: Any, effects: Any = ()) -> AugmentedSim
             built.append(effect)
             values.append(_numbers(effect, entry["params"], file.name))
             runs.append([_label(one) for one in listed(entry["runs"])] if "runs" in entry else None)
+            _check_new(built, runs)
         retuned = {name: _finite(value, f"params: {name}") for name, value in text["params"].items()}
         scale = (
             None
@@ -205,6 +216,15 @@ def load_augmented(simulator: Any, path: Any, effects: Any = ()) -> AugmentedSim
         ) from error
     some = runs if any(labels is not None for labels in runs) else None
     return AugmentedSimulator(simulator, built, values, retuned or None, some, scale=scale, sharpness=sharpness)
+
+
+def _check_new(built: list[BaseEffect], runs: list[list[Any] | None]) -> None:
+    """An effect acts in a run once."""
+    effect, labels = built[-1], runs[-1]
+    for other, others in zip(built[:-1], runs):
+        shared = labels is None or others is None or set(labels) & set(others)
+        if shared and other.key == effect.key and as_text(other) == as_text(effect):
+            raise ValueError(f"effect {effect.name!r} at {effect.location!r} is listed twice")
 
 
 def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
@@ -255,7 +275,13 @@ def _numbers(effect: BaseEffect, given: Any, file: str) -> dict[str, float]:
         if isinstance(given[name], bool) or not isinstance(given[name], (int, float)):
             raise ValueError(f"effect {effect.name!r}: {name}={_short(given[name])}, expected a number")
     try:
-        return {p.name: _within(effect, p, given[p.name]) for p in effect.parameters}
+        found = {p.name: _within(effect, p, given[p.name]) for p in effect.parameters}
+        if {"onset", "end"} <= set(found) and found["end"] <= found["onset"]:
+            raise DataError(
+                f"effect {effect.name!r} at {effect.location!r}: end={found['end']:g}, expected a time after its "
+                f"onset={found['onset']:g}."
+            )
+        return found
     except DataError as error:
         raise DataError(f"{file}: {error}") from None
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
@@ -155,6 +155,8 @@ def simulated_batch(simulator: Any, U: np.ndarray, X0: Any = None, *t: Any) -> n
 
 def _names(given: Sequence[str] | None, count: int | None, letter: str) -> tuple[str, ...]:
     """Names as given, else letter and number."""
+    if isinstance(given, bytes) or not (given is None or isinstance(given, Iterable)):
+        raise SimulatorError(f"{given!r} is no list of names of signals; write ['{letter or 'a'}'].")
     if given is not None:
         return (given,) if isinstance(given, str) else tuple(str(name) for name in given)
     return tuple(f"{letter}{k}" for k in range(count or 0))

@@ -183,7 +183,8 @@ def test_every_effect_with_parameters_and_no_time_of_its_own_can_begin(name):
 
 def test_mistakes_are_named():
     effect, _ = case("coulomb_friction")
-    with pytest.raises(DataError, match=r"span=\('begin',\): expected"):
-        starting(effect, ("begin",))
+    for span in (("begin",), ("end", "onset"), None):  # one effect has one key
+        with pytest.raises(DataError, match=r"span=.*: expected \('onset',\), \('end',\) or"):
+            starting(effect, span)
     with pytest.raises(DataError, match=r"has no onset.*no time of its own"):
         starting(CATALOGUE["parameter_step"]("k"))

@@ -281,3 +281,49 @@ def test_a_right_hand_side_leaves_no_effect_out_without_a_word():
 def test_runs_of_other_effects_are_not_saved(tmp_path):
     with pytest.raises(SimulatorError, match="runs has 2 entries, effects 1"):
         save_augmented(AugmentedSimulator(make_reactor(), [LAG], [(0.1,)], runs=[["a"], ["b"]]), tmp_path / "f.json")
+
+
+def windowed(onset, end, runs=None):
+    entry = {"name": "linear_loss", "class": "LinearLoss", "location": "y", "variable": "y", "arguments": {}}
+    more = {} if runs is None else {"runs": runs}
+    times = {"coefficient": 0.1, "onset": onset, "end": end}
+    return {**entry, "window": ["onset", "end"], "params": times, **more}
+
+
+def read(entries, tmp_path):
+    (tmp_path / "f.json").write_text(json.dumps({"effects": entries, "params": {}}))
+    return load_augmented(make_reactor(), tmp_path / "f.json")
+
+
+def test_an_effect_that_is_listed_twice_or_ends_before_it_begins_is_refused(tmp_path):
+    assert read([windowed(0.1, 0.2)], tmp_path).values[0]["end"] == 0.2
+    for end in (0.1, 0.05):
+        with pytest.raises(DataError, match=rf"'linear_loss' at 'y': end={end}, expected a time after its onset=0.1"):
+            read([windowed(0.1, end)], tmp_path)
+    for runs in ((None, None), (["a"], None), (["a", "b"], ["b"])):
+        with pytest.raises(DataError, match="effect 'linear_loss' at 'y' is listed twice"):
+            read([windowed(0.1, 0.2, one) for one in runs], tmp_path)
+    assert len(read([windowed(0.1, 0.2, ["a"]), windowed(0.1, 0.3, ["b"])], tmp_path).effects) == 2
+
+
+def test_a_name_that_the_simulator_does_not_have_is_refused_when_saving(tmp_path):
+    elsewhere = AugmentedSimulator(make_reactor(), [CATALOGUE["sensor_bias"]("zz")], [(0.1,)])
+    retuned = AugmentedSimulator(make_reactor(), retuned={"zz": 3.0})
+    for one, words in ((elsewhere, "location='zz' is not an output"), (retuned, "retuned: .* no parameter 'zz'")):
+        with pytest.raises((DataError, SimulatorError), match=words):
+            save_augmented(one, tmp_path / "f.json")
+    assert not (tmp_path / "f.json").exists()
+
+
+def test_labels_and_values_of_another_kind_are_refused_in_words():
+    bias = [CATALOGUE["sensor_bias"]("y")], [(0.1,)]
+    for runs, words in (
+        (["run1"], r"runs holds 'run1', .* write \['run1'\]"),
+        ("a", "runs='a': expected a list"),
+        (5, "runs=5"),
+    ):
+        with pytest.raises(SimulatorError, match=words):
+            AugmentedSimulator(make_reactor(), *bias, runs=runs).in_run("run1")
+    for value in ("a", None):
+        with pytest.raises(SimulatorError, match=r"values of SensorBias.*expected numbers"):
+            AugmentedSimulator(make_reactor(), bias[0], [(value,)]).simulate([[0.1]] * 3)

@@ -92,3 +92,9 @@ def test_a_point_that_is_refused_with_forces_is_no_mistake():
         return [x[0]]
 
     PlantModel(describe(ported(ODESimulator, rhs, guarded))).probe(np.zeros(1))
+
+
+@pytest.mark.parametrize("given", [5, b"joint"])
+def test_what_is_no_list_of_names_is_refused_in_words(given):
+    with pytest.raises(SimulatorError, match="is no list of names of signals"):
+        describe(ported(ODESimulator, rhs, ports=given))
