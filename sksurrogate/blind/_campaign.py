@@ -7,6 +7,7 @@ import tempfile
 import time
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from numbers import Real
 from pathlib import Path
 from typing import Any
 
@@ -105,12 +106,12 @@ def run_blind_check(
     >>> result = run_blind_check(1, "none", seed=3)  # doctest: +SKIP
     """
     names = _arms(arms)
-    _options(cases, n_jobs, follow_up, resume, record)
+    _options(cases, n_jobs, follow_up, resume, record, limit)
     if record != "complete" and set(names) & set(ROBOT_ARMS):
         raise SurrogateError(
             f"record={record!r}: robots are recorded complete; leave {sorted(set(names) & set(ROBOT_ARMS))} out."
         )
-    module, _, function = diagnosis.partition(":")
+    module, _, function = str(diagnosis).partition(":")
     if not all(part.isidentifier() for part in [*module.split("."), function]):
         raise SurrogateError(
             f"diagnosis={diagnosis!r}: write module:function of a module that can be imported, no path."
@@ -146,12 +147,14 @@ def run_blind_check(
     return BlindResult(tuple(row for row in rows if row["arm"] in names), complete)
 
 
-def _options(cases: Any, n_jobs: Any, follow_up: Any, resume: Any, record: Any) -> None:
+def _options(cases: Any, n_jobs: Any, follow_up: Any, resume: Any, record: Any, limit: Any) -> None:
     """Refuse what cannot be done before anything is drawn."""
     if record not in RECORDS:
         raise SurrogateError(f"record={record!r} is unknown; use one of {list(RECORDS)}.")
     if not (isinstance(cases, (int, np.integer)) and cases >= 1):
         raise SurrogateError(f"cases={cases!r}: expected a whole number of at least 1.")
+    if isinstance(limit, bool) or not (isinstance(limit, Real) and float(limit) > 0.0):
+        raise SurrogateError(f"limit={limit!r}: expected the seconds for a case, above 0.")
     if n_jobs == 0:
         raise SurrogateError("n_jobs=0: expected 1 or more cases at once, or -1 for all cores.")
     if not 0 <= follow_up <= 1:

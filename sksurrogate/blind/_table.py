@@ -192,12 +192,16 @@ def stored_rows(path: Any) -> list[dict[str, Any]]:
     """Rows of a file; a line that was broken off is left out, and a case that two processes have answered counts once."""
     rows, seen = [], set()
     if path is not None and Path(path).exists():
-        for text in Path(path).read_text(encoding="utf-8").splitlines():
+        try:
+            lines = Path(path).read_text(encoding="utf-8-sig").splitlines()
+        except UnicodeDecodeError as error:
+            raise DataError(f"{str(path)!r} is no file of rows ({error}): name another one.") from error
+        for text in lines:
             try:
                 row = json.loads(text)
-            except json.JSONDecodeError:
+            except (ValueError, RecursionError):
                 continue
-            if isinstance(row, dict) and "arm" in row:
+            if isinstance(row, dict) and {"arm", "seed"} <= row.keys():
                 case = tuple(row.get(key) for key in ("arm", "seed", "diagnosis", "simulator", "record"))
                 if case not in seen or row.get("seed") is None:
                     rows.append({FORMER_KEYS.get(str(key), str(key)): value for key, value in row.items()})

@@ -12,7 +12,7 @@ from sklearn.utils import check_random_state
 from sksurrogate.exceptions import DataError, SimulatorError
 from sksurrogate.gap._diagnose import GapDiagnoser
 from sksurrogate.gap.render._report import GapReport
-from sksurrogate.physics._simulator import Plant, describe, simulated
+from sksurrogate.physics._simulator import Plant, describe, simulated, units_of
 
 #: Samples that a step is held at least; a line of a multisine has at least twice as many a period.
 SHORTEST_HOLD = 4
@@ -158,6 +158,7 @@ def compare_simulators(
     n_samples = _samples(first, second, duration)
     own_inputs = _places(first, second, "inputs")
     own_outputs = _places(first, second, "outputs")
+    _check_alike(first, second, own_inputs, own_outputs)
     random = check_random_state(random_state)
     rng = np.random.default_rng(random.randint(2**31 - 1))
     U = excitation(_limits(limits, first.inputs), int(n_runs), n_samples, rng)
@@ -173,9 +174,25 @@ def compare_simulators(
     return (diagnoser.report_, ComparedRuns(X, y, groups, diagnoser)) if return_data else diagnoser.report_
 
 
+def _check_alike(first: Plant, second: Plant, own_inputs: Sequence[int], own_outputs: Sequence[int]) -> None:
+    """Signals that both give a unit, and how both hold their inputs, are the same: else the difference would be named as an effect."""
+    units = units_of(first.simulator), units_of(second.simulator)
+    pairs = [(first.inputs[i], name) for i, name in zip(own_inputs, second.inputs)]
+    pairs += [(name, second.outputs[i]) for name, i in zip(first.outputs, own_outputs)]
+    pairs.append(("time", "time"))
+    for ours, theirs in pairs:
+        both = units[0].get(ours), units[1].get(theirs)
+        if None not in both and both[0] != both[1]:
+            raise SimulatorError(f"{ours!r} is in {both[0]} in a and in {both[1]} in b: give both one unit.")
+    if hasattr(second.simulator, "hold") and first.hold != second.hold:
+        raise SimulatorError(
+            f"a takes its inputs with hold={first.hold!r}, b with hold={second.hold!r}: give both one, set_params(hold=...)."
+        )
+
+
 def _check_numbers(n_runs: Any, noise: Any) -> None:
     """Numbers that no comparison can be made of."""
-    if not isinstance(n_runs, Integral) or n_runs < 1:
+    if isinstance(n_runs, bool) or not isinstance(n_runs, Integral) or n_runs < 1:
         raise DataError(f"n_runs={n_runs!r}: expected a positive integer; write n_runs=6.")
     if not isinstance(noise, Real) or not 0.0 < float(noise) < 1.0:
         raise DataError(

@@ -55,6 +55,21 @@ def test_a_case_that_two_processes_have_answered_counts_once(asked, tmp_path):
     assert len(check(file).rows) == 2 and len(asked) == 2
 
 
+def test_lines_that_are_no_rows_are_passed_over_and_another_kind_of_file_is_refused(asked, tmp_path):
+    file = tmp_path / "rows.jsonl"
+    check(file)
+    rows = file.read_text()
+    for before in ("\ufeff", "null\n", '{"arm": "none"}\n', "[" * 5000 + "\n", '{"seed": ' + "9" * 5000 + "}\n"):
+        file.write_text(before + rows, encoding="utf-8")
+        assert len(check(file).rows) == 2 and len(asked) == 2
+    file.write_bytes(rows.encode("utf-16"))
+    with pytest.raises(SurrogateError, match="is no file of rows"):
+        check(file)
+    for limit in (0, float("nan"), "5", True):
+        with pytest.raises(SurrogateError, match=r"limit=.*: expected the seconds for a case, above 0"):
+            run_blind_check(2, "none", seed=1, limit=limit)
+
+
 def test_a_full_disk_does_not_cost_the_rows(asked, tmp_path, monkeypatch):
     def full(path, text):
         raise OSError(28, "No space left on device")

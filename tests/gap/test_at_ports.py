@@ -19,9 +19,9 @@ PARAMS = {"m1": 1.0, "m2": 0.6, "l1": 0.35, "l2": 0.3, "g": 0.0, "d1": 0.1, "d2"
 RUNS, N = 3, 105
 
 
-def arm():
+def arm(kind=ODESimulator, rates=arm_rates):
     names = {"states": ["q1", "q2", "v1", "v2"], "inputs": ["t1", "t2"], "outputs": ["q1", "q2"]}
-    return ODESimulator(arm_rates, **names, params=PARAMS, dt=0.01)
+    return kind(rates, **names, params=PARAMS, dt=0.01)
 
 
 def recorded(friction):
@@ -71,18 +71,31 @@ def test_dry_friction_of_a_wheel_without_an_angle_is_named_at_its_torque():
     assert report.effects[0].params["level"] == pytest.approx(0.012, rel=0.03)
 
 
-def test_a_missing_force_at_an_input_comes_as_an_effect():
+class Offered(ODESimulator):
+    """The arm, with its second joint as a port too."""
+
+    ports = ["elbow"]
+
+
+def offered_rates(t, x, u, p, forces=None):
+    return arm_rates(t, x, u if forces is None else (u[0], u[1] + forces[0]), p)
+
+
+@pytest.mark.parametrize("port", ["t2", "elbow"])
+def test_a_missing_force_at_a_port_comes_as_an_effect(port):
     U, y, runs, X0 = recorded(dry)
-    plant = describe(arm())
+    simulator = arm() if port == "t2" else arm(Offered, offered_rates)
+    plant = describe(simulator)
     split = [np.flatnonzero(runs == r) for r in range(RUNS)]
     record = Record.from_runs([U[k] for k in split], [y[k] for k in split], [0.01 * np.arange(N)] * RUNS, 0.01)
     problem, smoothed = build_problem(plant, PlantModel(plant), record, (), ("v1", "v2"))
     null = problem.fit((), np.zeros(0), smoothed.x)
-    law = OdeChannels(null).missing_term("t2", "input").effects[0]
-    assert law.location == "t2" and "v2" in law.variable
-    better = AugmentedSimulator(arm(), [law], [law.values])
+    law = OdeChannels(null).missing_term(port, "input").effects[0]
+    assert law.location == port and "v2" in law.variable
+    better = AugmentedSimulator(simulator, [law], [law.values])
     left = [
-        np.concatenate([one.simulate(u, x) for u, x in zip(U.reshape(RUNS, N, 2), X0)]) - y for one in (arm(), better)
+        np.concatenate([one.simulate(u, x) for u, x in zip(U.reshape(RUNS, N, 2), X0)]) - y
+        for one in (simulator, better)
     ]
     assert np.std(left[1]) < 0.3 * np.std(left[0])
 

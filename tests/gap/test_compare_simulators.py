@@ -70,6 +70,20 @@ def test_excitation_stays_within_its_limits_and_differs_from_run_to_run():
     assert len(np.unique(U[0, :, 0])) < 40 < len(np.unique(U[1, :, 0]))  # steps and sines
 
 
+@pytest.mark.parametrize(
+    ("other", "words"),
+    [
+        ({"hold": "foh"}, "a takes its inputs with hold='zoh', b with hold='foh'"),
+        ({"units": {"q": "mm", "force": "N"}}, "'q' is in m in a and in mm in b: give both one unit"),
+        ({"units": {"time": "h"}}, "'time' is in s in a and in h in b"),
+    ],
+)
+def test_what_is_meant_otherwise_is_no_effect(other, words):
+    ours = simulator().set_params(units={"q": "m", "time": "s"})
+    with pytest.raises(SimulatorError, match=words):
+        compared(ours, simulator(drag=0.8).set_params(**other))
+
+
 def test_it_is_at_the_top_level():
     assert sksurrogate.compare_simulators is compare_simulators
 

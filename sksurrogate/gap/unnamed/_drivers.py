@@ -55,8 +55,9 @@ class Drivers:
         return self.kind in ("state", "parameter") or self.at_port(plain) or len(plain - {self.location}) < 2
 
     def at_port(self, names: set[str]) -> bool:
-        """Whether a law of some signals acts at the port of an input: it has a state among them."""
-        return self.kind == "input" and bool(names - set(self.along) - {f"lag({self.location})"})
+        """Whether a law of some signals acts at a port: it has a state among them, or the port is none of the inputs."""
+        further = self.location not in self.along
+        return self.kind == "input" and (further or bool(names - set(self.along) - {f"lag({self.location})"}))
 
     def effect(self, terms: Sequence[Term], values: np.ndarray, free: bool) -> AnyLaw:
         """A formula as an effect: coefficients, constants where they are ``free``, the time constant of a recent past."""
@@ -64,7 +65,7 @@ class Drivers:
         names = {name for term in terms for name in term.variables}
         numbers = tuple(map(float, values))
         if self.at_port(names):
-            return LawEffect(self.location, "*".join(sorted(names)), terms, numbers, free)
+            return LawEffect(self.location, "*".join(sorted(names)) or None, terms, numbers, free)
         return law_effect(self.kind, self.location, terms, numbers, free)
 
     @property
@@ -90,7 +91,7 @@ def past_name(name: str) -> str:
 def drivers_at(base: OdeCandidate, channel: Channel, changes: Sequence[float]) -> Drivers:
     """Signals that may drive a law at the place of a channel: states and inputs in a balance, outputs at a sensor.
 
-    At an input these are inputs, and states where no single balance stands for its port.
+    At an input these are inputs, and states where no single balance stands for its port; at a further port both.
     """
     problem = base.problem
     plant, record, location, kind = problem.plant, channel.record, channel.location, channel.kind
@@ -99,8 +100,9 @@ def drivers_at(base: OdeCandidate, channel: Channel, changes: Sequence[float]) -
         return Drivers(location, kind, dict(zip(plant.outputs, base.fit.y)), {}, changes=changes)
     states, inputs = dict(zip(plant.states, channel.x)), dict(zip(plant.inputs, record.u))
     if kind == "input":
-        states = states if channel.n_moved > 1 else {}
-        signals, past = {**inputs, **states}, _past(record, {location: inputs[location]})
+        states = states if channel.n_moved > 1 or location not in inputs else {}
+        own = {location: inputs[location]} if location in inputs else {}  # no signal enters at a further port
+        signals, past = {**inputs, **states}, _past(record, own)
         held = {*inputs, *past}
     else:
         signals = {**states, **inputs}

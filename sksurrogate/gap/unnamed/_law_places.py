@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from sksurrogate.effects._balance import ConstantBias
 from sksurrogate.gap.fit._neighbours import is_near
 from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.fit._pushes import STEP_OF_SLOPES
@@ -117,6 +118,13 @@ def response(
     return moved if shown is None else moved + shown[:, None] * (f if now is None else now)
 
 
-def input_push(null: OdeCandidate, x: np.ndarray, i: int) -> np.ndarray:
-    """Effect of a unit of input i over one sample on the states, (n_states, 1, n_samples)."""
-    return input_gain(null, i, x)[0][:, None]
+def port_push(null: OdeCandidate, x: np.ndarray, name: str) -> np.ndarray:
+    """Effect of a unit at an input or a further port over one sample on the states, (n_states, 1, n_samples)."""
+    problem, inputs = null.problem, null.problem.plant.inputs
+    if name in inputs:
+        return input_gain(null, inputs.index(name), x)[0][:, None]
+    step = STEP_OF_SLOPES * max(problem.port_rate(name), 1e-9)
+    pushed = problem.augmented((ConstantBias(name), *null.effects)).bind(np.r_[step, null.fit.theta][:, None])
+    given, x = null.model.bind(null.fit.theta[:, None]), x[:, None]
+    with np.errstate(all="ignore"):
+        return (pushed(x) - given(x)) / step

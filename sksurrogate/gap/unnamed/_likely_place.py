@@ -14,7 +14,7 @@ from sksurrogate.gap.results._next_experiment import NATS_THAT_SETTLE
 from sksurrogate.gap.unnamed._channel import Place, fit_signal
 from sksurrogate.gap.unnamed._channels import Channels
 from sksurrogate.gap.unnamed._law_left import LawLeft
-from sksurrogate.gap.unnamed._law_places import input_push
+from sksurrogate.gap.unnamed._law_places import port_push
 from sksurrogate.gap.unnamed._law_shapes import AND_ITS_PAST
 from sksurrogate.gap.unnamed._smoothed_path import paths
 
@@ -89,7 +89,7 @@ def places(null: OdeCandidate, rough: bool = False) -> list[Place]:
         for b, name in enumerate(problem.balances):
             found.append(Place(name, "state", likelihood(forces[:, b : b + 1], units[b])))
         for i, name in enumerate(problem.plant.inputs):
-            push = input_push(null, x, i)
+            push = port_push(null, x, name)
             twin = _same_push(push, forces)
             if twin is not None:
                 found.append(Place(name, "input", found[twin].log_likelihood))

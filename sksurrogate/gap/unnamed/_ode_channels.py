@@ -15,7 +15,7 @@ from sksurrogate.gap.unnamed._channel import Channel, fit_signal
 from sksurrogate.gap.unnamed._channels import Channels
 from sksurrogate.gap.unnamed._drivers import Drivers, drivers_at
 from sksurrogate.gap.unnamed._elements import elements_along
-from sksurrogate.gap.unnamed._law_places import input_push
+from sksurrogate.gap.unnamed._law_places import port_push
 from sksurrogate.gap.unnamed._smoothed_path import paths
 from sksurrogate.kernels.disturbance import Noise
 from sksurrogate.kernels.integrate import state_jacobian
@@ -72,8 +72,8 @@ def _soft(problem: OdeBackend, null: OdeCandidate, location: str, kind: str) -> 
     """Balances that the signal at a place moves."""
     if kind == "state" and location in problem.balances:
         return (location,)
-    if kind == "input" and location in problem.plant.inputs:
-        push = input_push(null, null.fit.x, problem.plant.inputs.index(location))
+    if kind == "input":
+        push = port_push(null, null.fit.x, location)
         size = np.sqrt(np.mean(push[: len(problem.scale), 0] ** 2, axis=1)) / problem.scale
         moved = [s for s, v in zip(problem.plant.states, size) if v > 0.1 * size.max() and s in problem.balances]
         return tuple(moved) or problem.balances
@@ -92,9 +92,10 @@ def _about(
     whole = problem.disturbance_along(null.model, null.fit.theta, x, lin.A, soft)
     B = whole.B.transpose(1, 2, 0)[:, :1]
     unit = float(problem.rate[plant.states.index(soft[0])])
-    if kind == "input" and location in plant.inputs:
-        i = plant.inputs.index(location)
-        B, unit = input_push(null, x, i), max(float(np.std(record.u[i])), 1e-12)
+    if kind == "input":
+        at_input = location in plant.inputs
+        size = np.std(record.u[plant.inputs.index(location)]) if at_input else problem.port_rate(location)
+        B, unit = port_push(null, x, location), max(float(size), 1e-12)
     wanted = [location] if kind == "parameter" else []
     element = next(iter(elements_along(problem.model, record, x, wanted)), None)
     if element is not None:
