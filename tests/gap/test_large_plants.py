@@ -166,3 +166,17 @@ def test_of_many_starting_values_the_best_of_every_effect_are_kept():
     ]
     assert list(_screen._best_of_each(starts, 1)) == [0, 1, 7, 8]
     assert list(_screen._best_of_each(starts, 2)) == [0, 1, 4, 5, 6, 7, 8]
+
+
+def test_in_a_robot_speed_and_position_of_a_joint_are_near_each_other(small):
+    pytest.importorskip("mujoco")
+    from sksurrogate.physics import MuJoCoSimulator
+
+    link = '<body name="{0}"><joint name="{0}" axis="0 1 0"/><geom type="capsule" size="0.02" fromto="0 0 0 0 0 -0.3" mass="1"/>{1}</body>'
+    body = link.format("upper", link.format("lower", ""))
+    motor = '<actuator><motor name="motor" joint="upper"/></actuator>'
+    arm = MuJoCoSimulator(f"<mujoco><worldbody>{body}</worldbody>{motor}</mujoco>", dt=0.01)
+    plant = describe(arm, n_inputs=1, n_outputs=4, dt=0.01)
+    near = neighbourhood.neighbours(PlantModel(plant), np.zeros(1), np.zeros((4, 1)), np.zeros((1, 1)))
+    joints = ({f"{name}.pos", f"{name}.vel"} for name in ("upper", "lower"))
+    assert near == {name: joint for joint in joints for name in joint}

@@ -10,8 +10,10 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from sksurrogate.effects._ports import places_of
 from sksurrogate.effects._structure import NOT_MOVED, integrals
 from sksurrogate.physics._model import PlantModel
+from sksurrogate.physics._simulator import Plant
 
 #: States near each state, itself included; empty: all are near each other.
 Neighbours = Mapping[str, frozenset[str]]
@@ -24,12 +26,15 @@ SAMPLES_OF_PATH, MOVED_OF_RANGE = 64, 1e-3
 def neighbours(model: PlantModel, t: np.ndarray, x: np.ndarray, u: np.ndarray) -> Neighbours:
     """States near each state: those that its rate sees along a path, and those whose rates see it.
 
-    A position and its speed are one neighbour. None for small plants, and for those that step: in a step everything sees everything.
+    A position and its speed are one neighbour. None for small plants. In a step everything sees everything: of plants that step,
+    the joints say what is near.
 
     ``t, x, u``: (n_samples,), (n_states, n_samples), (n_inputs, n_samples).
     """
-    if model.plant.access != "rhs" or len(model.plant.states) <= SMALL_PLANT:
+    if len(model.plant.states) <= SMALL_PLANT:
         return {}
+    if model.plant.access != "rhs":
+        return of_joints(model.plant)
     states, rows = model.plant.states, np.unique(np.linspace(0, len(t) - 1, SAMPLES_OF_PATH).astype(int))
     n, reach = len(states), MOVED_OF_RANGE * np.maximum(np.ptp(x, axis=1), 1e-6)
     moved = x[:, None, rows] + np.concatenate([np.zeros((n, 1)), np.diag(reach)], axis=1)[:, :, None]
@@ -44,6 +49,16 @@ def neighbours(model: PlantModel, t: np.ndarray, x: np.ndarray, u: np.ndarray) -
             both = [states.index(position), states.index(speed)]
             sees[:, both] = sees[:, both].any(axis=1, keepdims=True)
     return {name: frozenset(states[j] for j in np.flatnonzero(row)) for name, row in zip(states, sees)}
+
+
+def of_joints(plant: Plant) -> Neighbours:
+    """Speed and position of a joint are near each other, where forces at joints make the speeds: they drive the laws there.
+
+    The inverse of a mass matrix makes every acceleration see all joints; a force in a joint is of this joint.
+    """
+    places = places_of(plant, plant.states)
+    joints = [{v, *port.positions} for port in places.ports for v in port.speeds if v not in places.balances]
+    return {name: frozenset(joint) for joint in joints for name in joint}
 
 
 def is_near(near: Neighbours, place: str | None, signals: Sequence[str]) -> bool:
