@@ -50,11 +50,11 @@ ANSWERS: dict[str, tuple[tuple[str, str], ...]] = {
     "delay": (("input_delay", "drive_{}"),),
     "backlash": (("input_backlash", "drive_{}"),),
     "sensor_offset": (("sensor_bias", "{}.pos"),),
-    "payload": (("parameter_error", "link_{}.mass"),),
+    "payload": (("parameter_error", "link_{}.load"),),
     "cogging": (),
 }
 #: Kinds whose form is not the catalogue's: a partial explanation by the right name is right.
-INEXACT = ("load_friction", "payload", "stribeck")
+INEXACT = ("load_friction", "stribeck")
 
 
 def real_runs(robot: RobotSpec, truth: RobotTruth | None, U: np.ndarray, X0: np.ndarray) -> np.ndarray:

@@ -49,9 +49,9 @@ class MuJoCoSimulator(NamedModel):
         sensor of three numbers are ``<sensor>.x``, ``.y``, ``.z``, of a quaternion ``.w``, ``.x``, ``.y``, ``.z``.
     params : dict of float, or list of str, optional
         Parameters and their values, or names whose values are the model's. By default all: ``<joint>.damping``,
-        ``.frictionloss``, ``.armature``, ``.stiffness``; ``<body>.mass`` (the inertia goes with it); ``<actuator>.gear``,
-        and ``.kp``, ``.kv`` of servos; ``<geom>.friction``, ``.torsional_friction``, ``.rolling_friction`` of geoms that
-        collide.
+        ``.frictionloss``, ``.armature``, ``.stiffness``; ``<body>.mass`` (the inertia goes with it), ``.load`` (a point mass
+        at the tip of a body that carries no other); ``<actuator>.gear``, and ``.kp``, ``.kv`` of servos; ``<geom>.friction``,
+        ``.torsional_friction``, ``.rolling_friction`` of geoms that collide.
     dt : float, optional
         Sample time, a multiple of the model's timestep; by default the timestep.
     x0 : array-like (n_states,), optional

@@ -10,6 +10,7 @@ import numpy as np
 
 from sksurrogate.exceptions import require
 from sksurrogate.physics._mujoco_layout import name_of
+from sksurrogate.physics._mujoco_load import tip_of, weigh
 
 #: Friction of a geom: its three columns.
 _FRICTION = ("friction", "torsional_friction", "rolling_friction")
@@ -54,6 +55,7 @@ def read_parameters(model: Any) -> dict[str, ModelParameter]:
     for i in range(1, model.nbody):
         if model.body_mass[i] > 0:
             found.append(("body", i, "mass", float(model.body_mass[i])))
+            found += [("body", i, "load", 0.0)] if tip_of(model, i) is not None else []
     for i in range(len(model.actuator_trntype)):
         found += [("actuator", i, *item) for item in _of_actuator(model, i)]
     touching = colliding(model)
@@ -109,6 +111,7 @@ def assign(model: Any, origin: Any, parameters: Mapping[str, ModelParameter], va
     ``origin``: the model as it was read.
     ``parameters``: those of ``origin``.
     """
+    bodies: dict[int, dict[str, float]] = {}
     for name, value in values.items():
         one = parameters[name]
         i = one.index
@@ -117,9 +120,8 @@ def assign(model: Any, origin: Any, parameters: Mapping[str, ModelParameter], va
                 model.jnt_stiffness[i] = value
             else:
                 getattr(model, f"dof_{one.quantity}")[model.dof_jntid == i] = value
-        elif one.element == "body":  # same shape, another density: the inertia goes with the mass
-            model.body_mass[i] = value
-            model.body_inertia[i] = origin.body_inertia[i] * (value / origin.body_mass[i])
+        elif one.element == "body":
+            bodies.setdefault(i, {})[one.quantity] = value
         elif one.element == "geom":
             model.geom_friction[i, _FRICTION.index(one.quantity)] = value
         elif one.quantity == "gear":
@@ -130,3 +132,5 @@ def assign(model: Any, origin: Any, parameters: Mapping[str, ModelParameter], va
             model.actuator_biasprm[i, 2] = -value
             if origin.actuator_gainprm[i, 0] == -origin.actuator_biasprm[i, 2] and origin.actuator_biasprm[i, 1] == 0:
                 model.actuator_gainprm[i, 0] = value
+    for i, given in bodies.items():
+        weigh(model, origin, i, given.get("mass", float(origin.body_mass[i])), given.get("load", 0.0))

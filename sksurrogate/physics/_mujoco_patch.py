@@ -19,8 +19,8 @@ from sksurrogate.physics._mujoco_source import editable, is_text
 
 #: Fields that the parameters live in: a patched text must compile to these numbers.
 _FIELDS = (
-    "dof_damping", "dof_frictionloss", "dof_armature", "jnt_stiffness", "body_mass", "body_inertia", "actuator_gear",
-    "actuator_gainprm", "actuator_biasprm", "geom_friction",
+    "dof_damping", "dof_frictionloss", "dof_armature", "jnt_stiffness", "body_mass", "body_ipos", "body_inertia",
+    "actuator_gear", "actuator_gainprm", "actuator_biasprm", "geom_friction",
 )  # fmt: skip
 #: MuJoCo writes six digits.
 _OWN_DIGITS, _SIX_DIGITS = 1e-12, 1e-5

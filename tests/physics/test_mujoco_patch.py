@@ -58,7 +58,7 @@ def compare(simulator, written, rtol):
 
 def test_every_parameter_is_written_in_the_users_own_text():
     simulator = other(MuJoCoSimulator(CART, dt=0.01))
-    assert len(simulator.params) == 2 * 4 + 2 + 4 + 5 + 3 * 3
+    assert len(simulator.params) == 2 * 4 + 3 + 4 + 5 + 3 * 3
     text = simulator.to_mjcf()
     compare(simulator, text, 1e-9)
     assert "<!-- a cart with a pole -->" in text and 'density="80.123456789"' in text and "dampratio" not in text
