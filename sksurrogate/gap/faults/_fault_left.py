@@ -111,14 +111,14 @@ def _seen(bases: Sequence[Evidence], run: np.ndarray, smoother: Sequence[Proposa
 def _first(
     seen: Sequence[_Seen], bases: Sequence[Evidence], null: BaseCandidate, smoother: Sequence[Proposal]
 ) -> list[_Seen]:
-    """Those that are followed: the likeliest; on top of what stands, and of nothing, the likeliest and the likeliest smoother input.
+    """Those that are followed: the likeliest; on top of what stands, and of nothing, the likeliest and every smoother input.
 
-    Noise hides a smoother input.
+    Order at first sight is by white noise. What noise on an input leaves is slow: which smoother input is likelier is not seen then.
     """
     first = list(seen[:FOLLOWED])
     for base in (bases[0].candidate, null):
         own = [one for one in seen if one.fit.model is base]
-        likeliest = own[:1] + [one for one in own[1:] if one.proposal in smoother][:1]
+        likeliest = own[:1] + [one for one in own[1:] if one.proposal in smoother]
         first += [one for one in likeliest if one not in first]
     return first
 
