@@ -1,0 +1,102 @@
+"""Numbers that a fit hands on, against closed forms: the error of its integration, parameters of some runs alone, a sensor's signal."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from sksurrogate.effects import CATALOGUE
+from sksurrogate.gap.decide import _intervals
+from sksurrogate.gap.fit._build import build_problem, build_trajectory
+from sksurrogate.gap.fit._ode import Numerics
+from sksurrogate.gap.unnamed._channel import fit_signal
+from sksurrogate.kernels.record import Record
+from sksurrogate.physics import CallableSimulator, ODESimulator
+from sksurrogate.physics._model import PlantModel
+from sksurrogate.physics._simulator import describe
+
+NAMES = {"inputs": ["u"], "params": {"k": 1.0}, "dt": 1.0}
+
+
+def record_of(U, Y, dt=1.0):
+    return Record.from_runs(list(U), list(Y), [dt * np.arange(len(u)) for u in U], dt)
+
+
+def test_the_error_of_the_integration_is_that_of_its_steps():
+    # x' = -k x. A step of Runge and Kutta multiplies by R(k dt), where e^(-k dt) is right: which k makes both equal is known.
+    plant = describe(
+        ODESimulator(lambda t, x, u, p: (-p["k"] * x[0] + 0 * u[0],), states=["x"], outputs=["x"], **NAMES)
+    )
+    t, rng = np.arange(8.0), np.random.default_rng(0)
+    Y = [(x0 * np.exp(-1.2 * t))[:, None] * (1 + 1e-7 * rng.normal(size=(8, 1))) for x0 in (1.0, 2.0)]
+    problem, smoothed = build_problem(plant, PlantModel(plant), record_of([np.zeros((8, 1))] * 2, Y), (), ("x",))
+    problem = problem.at(Numerics(1, 50.0))
+    candidate = problem.fit((CATALOGUE["parameter_error"]("k"),), np.zeros(1), smoothed.x)
+
+    def fitted(n):
+        """The rate whose decay in n steps is that of 1.2."""
+        return brentq(
+            lambda z: (1 - z / n + (z / n) ** 2 / 2 - (z / n) ** 3 / 6 + (z / n) ** 4 / 24) ** n - np.exp(-1.2),
+            0.5,
+            1.5,
+        )
+
+    assert candidate.fit.theta[0] == pytest.approx(fitted(1) - 1.0, abs=1e-4)
+    assert candidate.numerical_change()[0] == pytest.approx(abs(fitted(2) - fitted(1)), rel=0.02)
+
+
+@pytest.mark.parametrize("numerical", [0.0, 0.3])
+def test_an_interval_holds_noise_and_integration_at_right_angles(numerical, monkeypatch):
+    candidate = SimpleNamespace(
+        effects=(),
+        numerical_change=lambda: np.array([numerical]),
+        problem=SimpleNamespace(bounds=lambda effects: (np.array([-9.0]), np.array([9.0]))),
+    )
+    found = SimpleNamespace(candidate=candidate, fit=SimpleNamespace(theta=np.array([2.0])))
+    monkeypatch.setattr(_intervals, "covariance", lambda found: np.array([[0.04]]))
+    low, high = _intervals.intervals(found)
+    half = np.sqrt((1.6449 * 0.2) ** 2 + numerical**2 + 1e-3**2)
+    np.testing.assert_allclose([low[0], high[0]], [2.0 - half, 2.0 + half], rtol=1e-4)
+
+
+@pytest.mark.parametrize("effect", [CATALOGUE["sensor_gain"]("y"), CATALOGUE["sensor_bias"]("y")])
+def test_a_run_left_out_is_simulated_with_what_the_others_say(effect):
+    plant = describe(CallableSimulator(lambda U, p: p["k"] * U, outputs=["y"], **NAMES))
+    rng = np.random.default_rng(0)
+    U = rng.uniform(1.0, 2.0, (2, 60, 1))
+    gain = effect.name == "sensor_gain"
+    Y = [1.3 * U[0] if gain else U[0] + 0.3, U[1]]  # the first run says 0.3, the second nothing
+    record = record_of(U, [y + 1e-6 * rng.normal(size=y.shape) for y in Y])
+    problem = build_trajectory(plant, record, (), [0, 1])
+    candidate = problem.fit((effect,), np.array([0.1]))
+    assert 0.05 < candidate.fit.theta[0] < 0.25
+    one, other = (candidate.left_out(record, np.array([train]), np.array([1 - train]))[0] for train in (0, 1))
+    np.testing.assert_allclose(one, 1.3 * U[1, :, 0] if gain else U[1, :, 0] + 0.3, atol=1e-3)
+    np.testing.assert_allclose(other, U[0, :, 0], atol=1e-3)
+
+
+@pytest.mark.parametrize("sensor", [0, 1])
+def test_a_free_signal_at_a_sensor_is_its_own(sensor):
+    plant = describe(
+        ODESimulator(lambda t, x, u, p: (u[0] - p["k"] * x[0], x[0] - x[1]), states=["x", "z"], outputs=["x", "z"], **NAMES)
+    )  # fmt: skip
+    rng, n, sd = np.random.default_rng(3), 400, np.array([0.05, 0.05])
+    U = np.repeat(rng.uniform(-1, 1, 40), 10)[:, None]
+    slow = np.zeros(n)
+    for k in range(1, n):  # deviation 0.6, correlated over ten samples
+        slow[k] = np.exp(-0.1) * slow[k - 1] + 0.6 * np.sqrt(1 - np.exp(-0.2)) * rng.normal()
+    Y = plant.simulator.simulate(U) + sd * rng.normal(size=(n, 2))
+    Y[:, sensor] += slow
+    problem, _ = build_problem(plant, PlantModel(plant), record_of([U], [Y]), (), ("x", "z"))
+    null = problem.fit((), np.zeros(0), problem.run)
+    D = null.disturbance.with_forces(null.disturbance.B.transpose(1, 2, 0)[:, :1])
+    spread, found = np.std(Y, axis=0), []
+    for one in (0, 1):
+        found.append(fit_signal(D, null.residual, sd, spread, 1.0, one))
+    values = [value for _, value, _ in found]
+    assert values[sensor] > values[1 - sensor] + 100.0
+    noise = found[sensor][0]
+    assert noise.coloured[sensor] == pytest.approx(0.6, rel=0.3)
+    assert noise.coloured[1 - sensor] == pytest.approx(1e-2 * sd[0])  # the signal is at one place
+    assert noise.sigma[1 - sensor] == pytest.approx(0.05, rel=0.15)
