@@ -90,9 +90,16 @@ class Settling(CATALOGUE["hidden_relaxation"]):
     free_start = True
 
 
+class Preloaded(CATALOGUE["hidden_relaxation"]):
+    """One whose start depends on its parameters too."""
+
+    def rest(self, v, theta):
+        return [(1.0 + theta[0]) * v]
+
+
 def test_sensitivities_beside_hidden_states_that_begin_at_rest_or_anywhere_are_those_of_free_runs():
     fit, _, _ = models("zoh", None)
-    effects = [CATALOGUE["hidden_relaxation"]("v", "v"), Settling("v", "q")]
+    effects = [Preloaded("v", "v"), Settling("v", "q")]
     model = AugmentedModel(fit.inner, effects, ("k",), fit.record, n_sub=3, scale=SCALE)
     assert model.free_states.tolist() == [True, True, False, True]
     theta, first = np.array([0.4, 0.3, 0.2, 0.5, 0.1]), np.random.default_rng(4).normal(size=(4, RUNS))
