@@ -198,7 +198,25 @@ class InputDeadZone(InputEffect):
         return [(share * largest,) for share in (0.03, 0.1, 0.25, 0.5)] if largest > 0 else []
 
 
-class InputBacklash(InputEffect):
+class RememberingActuator(InputEffect):
+    """An actuator whose output depends on the past, also on that before the record.
+
+    Parameters
+    ----------
+    location : str, optional
+        The input.
+    variable : None
+    before : float, optional
+        The input before the first row of every run, as 0 where a run begins with a step from rest. None: the value of the first row.
+        ``w(0)`` of the equation is the same.
+    """
+
+    def __init__(self, location: str | None = None, variable: str | None = None, before: float | None = None):
+        super().__init__(location, variable)
+        self.before = before
+
+
+class InputBacklash(RememberingActuator):
     """Play in a gear, twice the half width wide: ``w = clip(w before, u - c, u + c)``, ``w(0) = u(0)``."""
 
     name = "input_backlash"
@@ -212,7 +230,7 @@ class InputBacklash(InputEffect):
         self, u: Signal, v: Signal | None, theta: Sequence[np.ndarray], h: float, starts: np.ndarray
     ) -> Signal:
         """Play."""
-        return play(u, np.maximum(theta[0], 0.0), starts)
+        return play(u, np.maximum(theta[0], 0.0), starts, self.before)
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
         """Parts of half the range."""
@@ -243,7 +261,7 @@ class InputSaturation(InputEffect):
         return [start for start in dict.fromkeys(limits) if start[0] > 0]
 
 
-class RateLimit(InputEffect):
+class RateLimit(RememberingActuator):
     """The actuator follows at a limited speed: ``abs(dw/dt) <= c`` towards u, ``w(0) = u(0)``."""
 
     name = "rate_limit"
@@ -257,11 +275,13 @@ class RateLimit(InputEffect):
         self, u: Signal, v: Signal | None, theta: Sequence[np.ndarray], h: float, starts: np.ndarray
     ) -> Signal:
         """Ramps towards u."""
-        return rate_limit(u, np.maximum(theta[0], 0.0), h, starts)
+        return rate_limit(u, np.maximum(theta[0], 0.0), h, starts, self.before)
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
         """A large move takes from less than one to 25 samples; the largest too, where jumps are rare among small moves."""
         moves = np.delete(np.abs(np.diff(probe.x)), probe.starts[1:] - 1)
+        if self.before is not None:
+            moves = np.r_[np.abs(probe.x[probe.starts] - self.before), moves]
         moves = moves[moves > 0]
         if not len(moves):
             return []
@@ -294,7 +314,7 @@ class InputQuantization(InputEffect):
         return neighbouring_steps(theta[0])
 
 
-class InputDelay(InputEffect):
+class InputDelay(RememberingActuator):
     """The input arrives late: ``u(t - c)``; before the first row its value."""
 
     name = "input_delay"
@@ -307,14 +327,14 @@ class InputDelay(InputEffect):
     def transform(
         self, u: Signal, v: Signal | None, theta: Sequence[np.ndarray], h: float, starts: np.ndarray
     ) -> Signal:
-        return delay(u, theta[0], h, starts)
+        return delay(u, theta[0], h, starts, self.before)
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
         """0.3 to 30 samples, at first amid each."""
         return delays(probe)
 
 
-class InputLag(InputEffect):
+class InputLag(RememberingActuator):
     """The actuator is slow: ``c dw/dt + w = u, w(0) = u(0)``."""
 
     name = "input_lag"
@@ -328,7 +348,7 @@ class InputLag(InputEffect):
         self, u: Signal, v: Signal | None, theta: Sequence[np.ndarray], h: float, starts: np.ndarray
     ) -> Signal:
         """First-order lag."""
-        return lag(u, theta[0], h, starts)
+        return lag(u, theta[0], h, starts, self.before)
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
         """0.3 to 30 samples."""

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from sksurrogate.effects._effect import BaseEffect, InputEffect, SensorEffect
-from sksurrogate.effects._input import InputBacklash, InputDelay, InputLag, RateLimit
+from sksurrogate.effects._input import InputBacklash, InputDelay, InputLag, RateLimit, RememberingActuator
 from sksurrogate.effects._onset import Starting, window_share
 from sksurrogate.effects._sensor import SensorDelay, SensorLag, lag_moments
 from sksurrogate.exceptions import SimulatorError
@@ -108,6 +108,8 @@ class InputInSample:
         """Memory at the start of a run, and what acts then, given what arrives and the variable."""
         if self.advance_memory == self._static:
             return [], self.advance([], Pieces.held(first, self.n_sub), Pieces.held(other, self.n_sub), 0.0)[1].shown
+        assert isinstance(self.always, RememberingActuator)
+        first = first if self.always.before is None else self.always.before
         if isinstance(self.always, InputDelay) and self.wide:
             return [first if k % 2 == 0 else 0.0 * first for k in range(self.size)], first
         return [first] * self.size, first

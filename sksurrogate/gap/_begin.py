@@ -14,6 +14,7 @@ from sksurrogate._parallel._worker_process import WorkerProcess
 from sksurrogate.effects._allowed import allowed_effects, closed_places
 from sksurrogate.effects._catalogue import build_effects, left_out
 from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.effects._input import RememberingActuator
 from sksurrogate.effects._sensor import SensorDelay
 from sksurrogate.effects._still import driven_effects
 from sksurrogate.effects._structure import kinematic_states
@@ -87,7 +88,7 @@ def begin_ode(diagnoser: Settings, task: Task) -> DiagnosisPipeline[OdeCandidate
     _say_slow(model, record)
     kinematic = kinematic_states(model)
     balances = tuple(name for name in plant.states if name not in kinematic) or plant.states
-    library = _allowed(_candidates(plant, balances, effects, diagnoser), diagnoser, effects, task)
+    library = _allowed(_candidates(plant, balances, effects, diagnoser, whole), diagnoser, effects, task)
     with _right_unit(model, record), finite_along(model, whole, task.labels):
         problem, smoothed = build_problem(plant, model, record, task.free, balances, task.known)
         most = largest_growth(problem.sd, record.spread)
@@ -109,7 +110,7 @@ def begin_ode(diagnoser: Settings, task: Task) -> DiagnosisPipeline[OdeCandidate
 def begin_trajectory(diagnoser: Settings, task: Task) -> DiagnosisPipeline[TrajectoryCandidate]:
     """Of a simulator with ``simulate`` alone; SimulatorError where none of the effects that were asked for can be tested."""
     plant, whole, effects = task.plant, task.whole, _asked(diagnoser)
-    wanted = [e for e in _candidates(plant, (), effects, diagnoser) if e.access == "trajectory"]
+    wanted = [e for e in _candidates(plant, (), effects, diagnoser, whole) if e.access == "trajectory"]
     _check_asked(plant, effects, wanted)
     with np.errstate(all="ignore"):
         problem = build_trajectory(plant, whole, task.free, task.labels, task.known)
@@ -146,15 +147,20 @@ def _asked(diagnoser: Settings) -> Any:
     return list(diagnoser.effects) if isinstance(diagnoser.effects, Iterator) else diagnoser.effects
 
 
-def _candidates(plant: Plant, balances: Sequence[str], asked: Any, diagnoser: Settings) -> list[BaseEffect]:
-    """All effects; where clocks may be apart a sensor may be early."""
+def _candidates(
+    plant: Plant, balances: Sequence[str], asked: Any, diagnoser: Settings, record: Record
+) -> list[BaseEffect]:
+    """All effects; where clocks may be apart a sensor may be early, and an actuator may have been at rest before a run that begins with a step."""
     earliest = -float(diagnoser.clock_offset)
-    return [
-        SensorDelay(one.location, one.variable, earliest)
-        if type(one) is SensorDelay and earliest < one.earliest
-        else one
-        for one in build_effects(plant, balances, asked)
-    ]
+    stepped = {name for name, u in zip(plant.inputs, record.u) if np.any(u[record.starts])}
+    found: list[BaseEffect] = []
+    for one in build_effects(plant, balances, asked):
+        if type(one) is SensorDelay and earliest < one.earliest:
+            one = SensorDelay(one.location, one.variable, earliest)
+        found.append(one)
+        if isinstance(one, RememberingActuator) and one.before is None and one.location in stepped:
+            found.append(type(one)(one.location, one.variable, before=0.0))
+    return found
 
 
 def _allowed(effects: list[BaseEffect], diagnoser: Settings, asked: Any, task: Task) -> list[BaseEffect]:

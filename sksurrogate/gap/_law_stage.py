@@ -60,9 +60,12 @@ class LawStage(DiagnosisState[C]):
         return verdict in ("explained", "partial") and (len(effects) >= STACK or apart)
 
     def law_in_place_of_names(self, held: HeldOut) -> CertifiedLaw | None:
-        """One formula that is clearly likelier than all names: these are withdrawn. None where they stand."""
+        """One formula that is clearly likelier than all names, and than names and a law beside them: these are withdrawn. None where they stand."""
         beside = self.unnamed.law_beside(self.null, self.final, held)
-        if beside is None or not self.unnamed.law_instead(beside, self.final):
+        if beside is None or not self.unnamed.law_instead(beside, self.final, None):
+            return None
+        rest = self.unnamed.law_beside(self.final, self.final, held)
+        if rest is not None and not self.unnamed.law_instead(beside, self.final, rest):
             return None
         after = self.withdraw_names(INSTEAD)
         return replace(beside, held=replace(after, law=beside.held.law))

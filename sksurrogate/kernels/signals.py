@@ -103,8 +103,8 @@ def _over_columns(
     return Signal(_by_substep(out[0], n_sub), _by_substep(out[1], n_sub), out[2, :, ::n_sub])
 
 
-def delay(signal: Signal, time: np.ndarray, h: float, starts: np.ndarray) -> Signal:
-    """``u(t - time)``; before the first row of a run its value. Exact in the first two moments of every substep.
+def delay(signal: Signal, time: np.ndarray, h: float, starts: np.ndarray, before: float | None = None) -> Signal:
+    """``u(t - time)``. Exact in the first two moments of every substep.
 
     Parameters
     ----------
@@ -115,6 +115,8 @@ def delay(signal: Signal, time: np.ndarray, h: float, starts: np.ndarray) -> Sig
         Width of a substep.
     starts : ndarray of int (n_runs,)
         First sample of every run.
+    before : float, optional
+        The input before the first row of a run; None: the value of that row.
     """
     n_sub = len(signal.mean)
     n = signal.mean.shape[2] * n_sub
@@ -122,19 +124,19 @@ def delay(signal: Signal, time: np.ndarray, h: float, starts: np.ndarray) -> Sig
 
     def one(mean: np.ndarray, half: np.ndarray, size: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         m, phi = delay_in_substeps(size, h, n)
-        before = (mean - half)[first]
+        held = (mean - half)[first] if before is None else before
         late, later = np.arange(n) - m, np.arange(n) - m - 1
         in2, in1 = late >= first, later >= first
         late, later = np.maximum(late, first), np.maximum(later, first)
-        a2, b2 = np.where(in2, mean[late], before), np.where(in2, half[late], 0.0)
-        a1, b1 = np.where(in1, mean[later], before), np.where(in1, half[later], 0.0)
+        a2, b2 = np.where(in2, mean[late], held), np.where(in2, half[late], 0.0)
+        a1, b1 = np.where(in1, mean[later], held), np.where(in1, half[later], 0.0)
         return delayed_piece((a1, b1), (a2, b2), phi)
 
     return _over_columns(one, signal, time)
 
 
-def lag(signal: Signal, time_constant: np.ndarray, h: float, starts: np.ndarray) -> Signal:
-    """``c dw/dt + w = u``, ``w(0) = u(0)``, solved exactly and kept to two moments a substep.
+def lag(signal: Signal, time_constant: np.ndarray, h: float, starts: np.ndarray, before: float | None = None) -> Signal:
+    """``c dw/dt + w = u``, ``w(0) = before``, solved exactly and kept to two moments a substep.
 
     Parameters as :func:`delay`, with the time constant of every column.
     """
@@ -144,6 +146,8 @@ def lag(signal: Signal, time_constant: np.ndarray, h: float, starts: np.ndarray)
     def one(mean: np.ndarray, half: np.ndarray, size: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         k = max(size / h, 1e-15)  # time constant in substeps
         decay, first = float(np.exp(-1.0 / k)), (mean - half)[firsts]
+        if before is not None:
+            first = np.full_like(first, before)
         b, _, _ = lag_piece(mean, half, 0.0, k)
         b[firsts] += decay * first
         ends = first_order_scan(decay, b, firsts)
@@ -169,8 +173,8 @@ def _first_of_run(starts: np.ndarray, n: int) -> np.ndarray:
     return np.repeat(starts, np.diff(np.r_[starts, n]))
 
 
-def play(signal: Signal, half_width: np.ndarray, starts: np.ndarray) -> Signal:
-    """Backlash: ``w[k] = clip(w[k-1], u[k] - c, u[k] + c)``, starts at the first value.
+def play(signal: Signal, half_width: np.ndarray, starts: np.ndarray, before: float | None = None) -> Signal:
+    """Backlash: ``w[k] = clip(w[k-1], u[k] - c, u[k] + c)``, starts at the first value, or from ``before``.
 
     Clips compose to clips, so that the recursion is a prefix scan of log2(n) vectorised passes.
     """
@@ -187,7 +191,8 @@ def play(signal: Signal, half_width: np.ndarray, starts: np.ndarray) -> Signal:
     low, high = np.broadcast_arrays(nodes - width, nodes + width)
     low, high = low.copy(), high.copy()
     firsts = starts * per_sample
-    low[:, firsts] = high[:, firsts] = nodes[:, firsts]
+    at_start = nodes[:, firsts] if before is None else np.clip(before, low[:, firsts], high[:, firsts])
+    low[:, firsts] = high[:, firsts] = at_start
     age = np.arange(n) - _first_of_run(firsts, n)
     step = 1
     while step < n:
@@ -203,8 +208,8 @@ def play(signal: Signal, half_width: np.ndarray, starts: np.ndarray) -> Signal:
     return Signal((pairs[:, 0] + pairs[:, 1]) / 2, (pairs[:, 1] - pairs[:, 0]) / 2)
 
 
-def rate_limit(signal: Signal, limit: np.ndarray, h: float, starts: np.ndarray) -> Signal:
-    """``abs(dw/dt) <= c`` towards the input, starts at its first value; the ramp ends exactly where it meets a held input."""
+def rate_limit(signal: Signal, limit: np.ndarray, h: float, starts: np.ndarray, before: float | None = None) -> Signal:
+    """``abs(dw/dt) <= c`` towards the input, starts at its first value or at ``before``; the ramp ends exactly where it meets a held input."""
     n_sub = len(signal.mean)
     target = _by_time(signal.end())
     reach = np.reshape(limit, (-1, 1)) * h
@@ -212,8 +217,10 @@ def rate_limit(signal: Signal, limit: np.ndarray, h: float, starts: np.ndarray) 
     n = target.shape[1]
     bounds = np.r_[starts * n_sub, n]
     longest = int(np.max(np.diff(bounds)))
-    before = np.empty(target.shape)
+    ahead = np.empty(target.shape)
     first = _by_time(signal.start())[:, bounds[:-1]]
+    if before is not None:
+        first = np.full_like(first, before)
     w = np.broadcast_to(first, (len(target), first.shape[1])).copy()
     r = reach[:, :1]
     for k in range(
@@ -221,15 +228,15 @@ def rate_limit(signal: Signal, limit: np.ndarray, h: float, starts: np.ndarray) 
     ):  # each sample depends on the last: the one loop over time here, all runs and columns at once
         rows = bounds[:-1] + k
         alive = rows < bounds[1:]
-        before[:, rows[alive]] = w[:, alive]
+        ahead[:, rows[alive]] = w[:, alive]
         w[:, alive] += np.clip(target[:, rows[alive]] - w[:, alive], -r, r)
-    mean, half = ramp_piece(before, target, r)
+    mean, half = ramp_piece(ahead, target, r)
     if signal.half is not None:  # where it follows from end to end, it is the input
         u, rise = np.broadcast_to(_by_time(signal.mean), mean.shape), np.broadcast_to(_by_time(signal.half), mean.shape)
-        met = np.abs(before - target) <= r
-        follows = met & (np.abs(before - (u - rise)) <= 1e-12 * (np.abs(u) + np.abs(rise)))
+        met = np.abs(ahead - target) <= r
+        follows = met & (np.abs(ahead - (u - rise)) <= 1e-12 * (np.abs(u) + np.abs(rise)))
         mean, half = np.where(follows, u, mean), np.where(follows, rise, half)
-    return Signal(_by_substep(mean, n_sub), _by_substep(half, n_sub), before[:, ::n_sub])
+    return Signal(_by_substep(mean, n_sub), _by_substep(half, n_sub), ahead[:, ::n_sub])
 
 
 def ramp_piece(before: Any, target: Any, reach: Any) -> tuple[Any, Any]:

@@ -193,3 +193,21 @@ def test_what_an_output_shows_at_a_sample_is_exact(name, value, n_sub, starts):
             w += (u[k] - w) * -np.expm1(-1 / value) if name == "input_lag" else np.clip(u[k] - w, -value, value)
     found = act(name, u, value, n_sub=n_sub, h=1 / n_sub, starts=starts)
     np.testing.assert_allclose(found.at_samples()[0], expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("n_sub", [1, 3])
+@pytest.mark.parametrize(
+    ("name", "value"), [("input_backlash", 0.4), ("rate_limit", 0.15), ("input_delay", 2.6), ("input_lag", 3.0)]
+)
+def test_an_actuator_at_rest_before_a_run_is_the_end_of_a_longer_run(name, value, n_sub):
+    rest, ahead = 0.7, 100
+    runs = np.random.default_rng(3).normal(size=(2, 30))
+    long = np.concatenate([np.r_[np.full(ahead, rest), run] for run in runs])
+    theta, starts = [np.array([[value]])], np.array([0, 30])
+    short = CATALOGUE[name]("u", before=rest).transform(
+        hold(np.concatenate(runs), n_sub, 0, starts), None, theta, 0.5, starts
+    )
+    whole = act(name, long, value, n_sub, h=0.5, starts=np.array([0, ahead + 30]))
+    kept = np.r_[ahead : ahead + 30, 2 * ahead + 30 : 2 * ahead + 60]
+    np.testing.assert_allclose(short.mean, whole.mean[..., kept], atol=1e-12)
+    np.testing.assert_allclose(short.at_samples(), whole.at_samples()[..., kept], atol=1e-12)

@@ -108,6 +108,16 @@ def test_several_effects_run_as_they_are_simulated(names, run):
     np.testing.assert_allclose(found, expected, atol=1e-9)
 
 
+@pytest.mark.parametrize("name", ["input_backlash", "rate_limit", "input_delay", "input_lag"])
+def test_an_actuator_that_was_at_rest_runs_as_it_is_simulated(name):
+    plain = _with(SHOWN, name)
+    model = AugmentedSimulator(SHOWN, [CATALOGUE[name]("u", before=0.0)], plain.values, scale=SCALE)
+    expected, n_sub = _simulated(model)
+    assert np.max(np.abs(expected - _simulated(plain)[0])) > 1e-3
+    found = _run(_numpy(model, n_sub), model.start_state(X0, U[0], n_sub))
+    np.testing.assert_allclose(found, expected, atol=1e-9)
+
+
 @pytest.mark.parametrize("simulator", [SHOWN, STEP_SHOWN], ids=["outputs", "step_outputs"])
 @pytest.mark.parametrize("name", [name for name in CATALOGUE if can_start(CATALOGUE[name]())])
 def test_an_effect_with_an_onset_runs_as_it_is_simulated(name, simulator):

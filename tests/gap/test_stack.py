@@ -72,17 +72,26 @@ def test_no_third_effect_with_states_of_its_own_is_asked_for(monkeypatch):
     assert asked == [[mode, spring, loss], [loss]]
 
 
-@pytest.mark.parametrize(("worth", "instead"), [(110.0, True), (105.0, False)])
-def test_one_formula_takes_the_place_of_several_names_only_where_it_is_clearly_likelier(worth, instead):
-    """Three names of a library of 100 cost 3 log(100) nats, the formula its price of 20."""
-    worths = {"law": worth, "names": 90.0}
+@pytest.mark.parametrize(
+    ("worth", "rest", "instead"),
+    [(110.0, None, True), (105.0, None, False), (110.0, 105.0, True), (110.0, 120.0, False)],
+)
+def test_one_formula_takes_the_place_of_several_names_only_where_it_is_clearly_likelier(worth, rest, instead):
+    """Three names of a library of 100 cost 3 log(100) nats, the formula its price of 20, and a law beside the names 15."""
+    worths = {"law": worth, "names": 90.0, "names and a law": rest}
+
+    def found(candidate, price):
+        return SimpleNamespace(
+            law=SimpleNamespace(curve=False, price=price, found=SimpleNamespace(candidate=candidate))
+        )
+
     search = SimpleNamespace(library=[None] * 100, order=lambda candidates: worths.__getitem__)
-    law = SimpleNamespace(curve=False, price=20.0, found=SimpleNamespace(candidate="law"))
+    law, beside = found("law", 20.0), None if rest is None else found("names and a law", 15.0)
     final = SimpleNamespace(candidate="names", effects=(1, 2, 3))
     unnamed = SimpleNamespace(search=search)
-    assert OdeUnnamed.law_instead(unnamed, SimpleNamespace(law=law), final) is instead
-    law.curve = True
-    assert not OdeUnnamed.law_instead(unnamed, SimpleNamespace(law=law), final)
+    assert OdeUnnamed.law_instead(unnamed, law, final, beside) is instead
+    law.law.curve = True
+    assert not OdeUnnamed.law_instead(unnamed, law, final, beside)
 
 
 @pytest.mark.parametrize(

@@ -55,6 +55,7 @@ def estimates(search: BaseSearch[C], final: Evidence[C], found: PartialResults, 
                 _plain(others.richer),
                 at_port(effect, search.problem.plant),
                 simpler=_plain(others.simpler),
+                before=getattr(effect, "before", None),
             )
         )
     return out

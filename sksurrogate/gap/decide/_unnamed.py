@@ -113,8 +113,8 @@ class BaseUnnamed(ABC, Generic[C]):
         """The best law on top of what is certain, at the places that are likeliest, simulated on runs left out."""
         return None
 
-    def law_instead(self, beside: CertifiedLaw, final: Evidence[C]) -> bool:
-        """Whether one formula on top of nothing is clearly likelier than all names, both with the price of their choice."""
+    def law_instead(self, beside: CertifiedLaw, final: Evidence[C], rest: CertifiedLaw | None) -> bool:
+        """Whether one formula on top of nothing is clearly likelier than all names and the law that they leave, all with the price of their choice."""
         return False
 
     def imitated_by_retuning(self) -> list[tuple[str, str, str | None]]:

@@ -164,13 +164,14 @@ class OdeUnnamed(BaseUnnamed[OdeCandidate]):
         evidence = search.score(best.candidate) - laws[0].price - search.score(base.candidate)
         return CertifiedLaw(laws[0], held_out_law(search, laws, held), self.larger(best), evidence)
 
-    def law_instead(self, beside: CertifiedLaw, final: Evidence[OdeCandidate]) -> bool:
+    def law_instead(self, beside: CertifiedLaw, final: Evidence[OdeCandidate], rest: CertifiedLaw | None) -> bool:
         search, law = self.search, beside.law
         if law.curve:
             return False
-        score = search.order([law.found.candidate, final.candidate])
-        names = score(final.candidate) - len(final.effects) * np.log(len(search.library))
-        return bool(score(law.found.candidate) - law.price > names + CERTAIN)
+        named = final if rest is None else rest.law.found
+        score = search.order([law.found.candidate, named.candidate])
+        price = len(final.effects) * np.log(len(search.library)) + (0.0 if rest is None else rest.law.price)
+        return bool(score(law.found.candidate) - law.price > score(named.candidate) - price + CERTAIN)
 
     def places_of_law(self, final: Evidence[OdeCandidate], named: bool) -> list[tuple[str, str]]:
         """Where a law may stand: beside names where the evidence of a law puts it, else the likely place; then the next."""

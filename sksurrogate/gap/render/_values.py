@@ -10,7 +10,7 @@ import numpy as np
 from sksurrogate.effects._onset import WINDOW
 from sksurrogate.gap.decide._posterior import CERTAIN_NAME, LEAST_ALONE
 from sksurrogate.gap.render._units import TIME, parameter_unit, with_unit
-from sksurrogate.gap.results._effect_estimate import EffectEstimate, only_in
+from sksurrogate.gap.results._effect_estimate import EffectEstimate, circumstances
 
 #: Probability from which a word applies, the first that is reached.
 WORDS = ((0.99, "very likely"), (CERTAIN_NAME, "likely"), (LEAST_ALONE, "more likely than not"), (0.0, "uncertain"))
@@ -77,7 +77,7 @@ def effect_text(effect: EffectEstimate) -> str:
     >>> effect_text(EffectEstimate("linear_loss", "speed", "speed", 1.0, {}, {}, 1.0))
     'linear loss at speed'
     """
-    return key_text((effect.name, effect.location, effect.variable)) + only_in(effect)
+    return key_text((effect.name, effect.location, effect.variable)) + circumstances(effect)
 
 
 def key_text(key: Sequence[str | None]) -> str:

@@ -39,6 +39,9 @@ class EffectEstimate:
         Whether it is a law at a port: its magnitude has the port's unit, not that of dx/dt.
     runs : tuple or None
         Labels of the runs in which it acts; None if it acts in all.
+    before : float or None
+        Of an actuator that remembers: the input before every run, as 0 where the runs begin with a step from rest; None: the value
+        of their first rows.
 
     Examples
     --------
@@ -61,21 +64,25 @@ class EffectEstimate:
     at_port: bool = False
     runs: tuple[Any, ...] | None = None
     simpler: list[tuple[str, str, str | None]] = field(default_factory=list)
+    before: float | None = None
 
     def __str__(self) -> str:
         driver = f" in {self.variable}" if self.variable else ""
-        return f"{self.name} at {self.location}{driver}{only_in(self)}: {values_of(self)}; {weight_of(self)}"
+        return f"{self.name} at {self.location}{driver}{circumstances(self)}: {values_of(self)}; {weight_of(self)}"
 
 
-def only_in(effect: EffectEstimate) -> str:
-    """The runs in which it acts; empty where these are all.
+def circumstances(effect: EffectEstimate) -> str:
+    """The runs in which it acts, where these are not all; the input before them, where it is not that of their first rows.
 
-    >>> only_in(EffectEstimate("input_lag", "u", None, 1.0, {}, {}, 1.0, runs=("a", "c")))
-    ", in runs 'a', 'c'"
+    >>> circumstances(EffectEstimate("input_lag", "u", None, 1.0, {}, {}, 1.0, runs=("a", "c"), before=0.0))
+    ", in runs 'a', 'c', from 0 before every run"
     """
-    if effect.runs is None:
-        return ""
-    return f", in {'run' if len(effect.runs) == 1 else 'runs'} {', '.join(map(repr, effect.runs))}"
+    where = (
+        ""
+        if effect.runs is None
+        else f", in {'run' if len(effect.runs) == 1 else 'runs'} {', '.join(map(repr, effect.runs))}"
+    )
+    return where + ("" if effect.before is None else f", from {effect.before:g} before every run")
 
 
 def values_of(effect: EffectEstimate) -> str:
