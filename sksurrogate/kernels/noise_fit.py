@@ -16,8 +16,8 @@ from sksurrogate.kernels.linear_fit import linear_least_squares
 from sksurrogate.kernels.noise_slopes import noise_slopes
 from sksurrogate.kernels.run_columns import RunColumns, take_out
 
-#: Correlation times of forces and of coloured sensor noise stay within these numbers of samples.
-TAU_RANGE = (2.0, 60.0)
+#: Least correlation time of forces and of coloured sensor noise in samples; the largest is the longest run.
+LEAST_TAU = 2.0
 #: Least force over the RMS of dx/dt: a slow plant adds up a small force to more than its noise.
 LEAST_FORCE = 1e-7
 #: Mean square of the whitened residual beyond which, or below whose inverse, a noise fit starts from all noises resized.
@@ -38,24 +38,23 @@ def _prior_slopes(noise: Noise, sigma_unit: np.ndarray) -> np.ndarray:
 
 
 def _noise_bounds(
-    unit: np.ndarray, force_unit: np.ndarray, caps: tuple[np.ndarray, np.ndarray] | None
+    unit: np.ndarray, force_unit: np.ndarray, caps: tuple[np.ndarray, np.ndarray] | None, longest: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Bounds of :meth:`Noise.pack`."""
+    """Bounds of :meth:`Noise.pack`; ``longest``: samples of the longest run."""
+    taus = np.log(LEAST_TAU), np.log(max(LEAST_TAU, longest))
     low = np.concatenate(
         [
             np.log(unit * 0.05),
             np.log(LEAST_FORCE * force_unit),
-            [np.log(TAU_RANGE[0])],
+            [taus[0]],
             np.log(unit * 1e-2),
-            [np.log(TAU_RANGE[0])],
+            [taus[0]],
         ]
     )
     force_high, coloured_high = (10 * force_unit, 100 * unit) if caps is None else caps
     coloured_high = np.maximum(coloured_high, 0.1 * unit)
     force_high = np.maximum(force_high, 1e-3 * force_unit)
-    high = np.concatenate(
-        [np.log(unit * 20.0), np.log(force_high), [np.log(TAU_RANGE[1])], np.log(coloured_high), [np.log(TAU_RANGE[1])]]
-    )
+    high = np.concatenate([np.log(unit * 20.0), np.log(force_high), [taus[1]], np.log(coloured_high), [taus[1]]])
     return low, high
 
 
@@ -110,7 +109,7 @@ def fit_noise(
     columns = r[:, None] if J is None else np.concatenate([r[:, None], J], axis=1)
     none = np.zeros(columns.shape[1] - 1)
     unit = start.sigma if sigma_unit is None else sigma_unit
-    low, high = _noise_bounds(unit, force_unit, caps)
+    low, high = _noise_bounds(unit, force_unit, caps, int(np.max(model.ends + 1 - model.starts)))
     if held is not None:
         low, high = np.where(held, start.pack(), low), np.where(held, start.pack(), high)
     f = _Likelihood(

@@ -45,6 +45,15 @@ def test_the_one_whose_interval_holds_zero_is_it_the_widest_first(monkeypatch):
     assert redundant_effect(final) == 0
 
 
+def test_so_is_one_at_the_bound_where_it_does_nothing(monkeypatch):
+    dead_zone, ramp = CATALOGUE["input_dead_zone"]("u"), CATALOGUE["rate_limit"]("u")
+    final = named(LOSS, dead_zone, theta=[1.0, 0.0], columns=[-V, 0.0 * V])
+    sure(monkeypatch, [1.0, 0.3], np.array([0.1, 0.3]))
+    assert redundant_effect(final) == 1
+    final = named(LOSS, ramp, theta=[1.0, 0.3], columns=[-V, -(V**2)])
+    assert redundant_effect(final) is None  # nothing is limited at infinity
+
+
 @pytest.mark.parametrize(("second", "answer"), [(-0.6, 1), (-0.75, 1), (-0.2, None), (0.6, None)])
 def test_of_two_that_cancel_each_other_the_smaller_is_it(monkeypatch, second, answer):
     theta = [1.0, second]

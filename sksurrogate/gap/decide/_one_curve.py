@@ -22,16 +22,16 @@ def moved_by(candidate: OdeCandidate) -> list[np.ndarray | None]:
 def redundant_effect(final: Evidence[OdeCandidate]) -> int | None:
     """Position of the effect that only corrects the form of another; None where there is none.
 
-    There are two kinds. The interval of its magnitude holds zero. Or two effects of one signal at one place cancel: each of them moves
+    There are two kinds. The interval of its magnitude holds the value at which it does nothing. Or two effects of one signal at one place cancel: each of them moves
     the outputs by more than both together. Then they are two terms of one curve, and the smaller one is redundant.
     """
     candidate = final.candidate
     low, high = intervals(final)
     unsure = {}
     for i, effect in enumerate(candidate.effects):
-        first = candidate.slice_of(i).start
-        if effect.linear and low[first] < 0.0 < high[first]:
-            unsure[i] = (high[first] - low[first]) / abs(final.fit.theta[first])
+        first, null = candidate.slice_of(i).start, effect.parameters[0].null if effect.parameters else np.inf
+        if low[first] <= null <= high[first] and np.isfinite(null):
+            unsure[i] = (high[first] - low[first]) / max(abs(final.fit.theta[first] - null), 1e-300)
     if unsure:
         return max(unsure, key=lambda i: unsure[i])
     moved = [None if one is None else one * candidate.theta_of(i)[0] for i, one in enumerate(moved_by(candidate))]
