@@ -42,15 +42,16 @@ class DiagnosisPipeline(LawStage[C]):
     """Goes through the stages; an interrupt leaves what is known."""
 
     def run(self, progress: Progress) -> GapReport | None:
-        """All stages, and the report of what is known after them; None where ``book`` has another record by then."""
+        """All stages that were not asked yet, and the report of what is known after them; None where ``book`` has another record by then."""
         self.started_at, came = progress.started_at, self.book
         with self.search.second, self.search.later:
             try:
-                for stage in STAGES:
+                for stage in STAGES[self.asked :]:
                     progress.stage(stage.share)
                     until = progress.started_at + stage.until * (self.time_limit or np.inf)
                     with quiet(), time_until(until):
                         self.ask(stage)
+                    self.asked += 1
                     if self.book is not came:
                         return None
             except KeyboardInterrupt:

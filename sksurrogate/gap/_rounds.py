@@ -1,4 +1,4 @@
-"""A diagnosis in rounds: where the record itself has a fault, once more on the record without it."""
+"""A diagnosis in rounds: where the record itself has a fault, once more on the record without it; where it had none, on from there."""
 
 from __future__ import annotations
 
@@ -23,12 +23,16 @@ def diagnosed_in_rounds(
     ``whole``: as it came.
     Returns the pipeline of the last round, and its report.
     """
-    book = record_book(plant, runs, whole)
+    book, before = record_book(plant, runs, whole), list[DiagnosisPipeline[Any]]()
     while True:
-        pipeline = begin(runs, book.record)
+        if book.closed:  # the last fault was none: the diagnosis before it goes on
+            pipeline = before.pop()
+        else:
+            pipeline = begin(runs, book.record)
         pipeline.book = book
         report = pipeline.run(progress)
         if report is not None:
             answer = pipeline, report
             return in_some_runs(begin, runs, book.record, answer, progress) or answer
         book = pipeline.book
+        before += [] if book.closed else [pipeline]

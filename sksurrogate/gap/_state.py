@@ -62,6 +62,7 @@ class DiagnosisState(Generic[C]):
         self.started_at, self.include_law = time.perf_counter(), bool(include_law)
         self.experiment: PendingAnswer[NextExperiment | None] | None = None
         self.book: RecordBook | None = None
+        self.asked = 0  #: Stages that are over
 
     @property
     def final(self) -> Evidence:

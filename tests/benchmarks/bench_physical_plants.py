@@ -15,8 +15,10 @@ import zlib
 
 import numpy as np
 import physical_plants_access  # noqa: F401
+import physical_plants_imperfect  # noqa: F401
 import physical_plants_one  # noqa: F401
 import physical_plants_other  # noqa: F401
+import physical_plants_starts  # noqa: F401
 from physical_plants import CASES, KW
 
 from sksurrogate.gap import GapDiagnoser
