@@ -17,6 +17,8 @@ Params = Mapping[str, Any]
 
 #: A limiter that moves once a sample; a delay that wanders.
 SAMPLED, WANDERING = "sampled", "wandering"
+#: An actuator that is at 0 before a run, whatever the first row is.
+RESTED = "rested"
 #: Share by which a delay wanders, and over how many samples.
 SWING, PERIOD = 0.15, 60.0
 #: What a Bouc-Wen loop forgets with the way that it goes; the rest with the motion's direction. 0.5 each in the catalogue.
@@ -114,8 +116,10 @@ INEXACT: dict[str, dict[str, Term | str]] = {
         "drooping": lambda t, u, v, w, p, h: u * (1.0 + p["relative_error"] * (1.0 - 0.0005 * t / (1e-3 + abs(p["relative_error"])))),
     },
     "hysteresis": {LEAN: LEAN, FULL: FULL},
-    "rate_limit": {"sampled": SAMPLED, "wandering": WANDERING},
-    "input_delay": {"wandering": WANDERING},
+    "rate_limit": {SAMPLED: SAMPLED, WANDERING: WANDERING, RESTED: RESTED},
+    "input_delay": {WANDERING: WANDERING, RESTED: RESTED},
+    "input_lag": {RESTED: RESTED},
+    "input_backlash": {RESTED: RESTED},
     "sensor_saturation": {
         "rounded": lambda t, y, v, w, p, h: p["limit"] - _soft(p["limit"] - y, 0.03 * _s(h)),
         "leaking": lambda t, y, v, w, p, h: np.minimum(y, p["limit"]) + 0.04 * np.maximum(y - p["limit"], 0.0),

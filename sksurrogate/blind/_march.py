@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from sksurrogate.blind._inexact import SAMPLED, form_of, loop_rate, wandering
+from sksurrogate.blind._inexact import RESTED, SAMPLED, form_of, loop_rate, wandering
 from sksurrogate.blind._laws import family
 from sksurrogate.blind._plants import PlantSpec
 from sksurrogate.blind._truths import Kind, Term, Truth, sign
@@ -184,6 +184,8 @@ class _Machine:
             if truth.name == "input_delay":
                 delay = p["delay"] * wandering(truth, t, self.dt)
                 felt[j] = self.commanded(j, t - delay, middle - delay)
+                if truth.variant == RESTED:
+                    felt[j] = np.where(middle > delay, felt[j], 0.0)
             elif truth.name == "input_lag":
                 felt[j] = z[self.slots[id(truth)]][0]
             elif truth.name == "rate_limit":
@@ -249,11 +251,11 @@ class _Machine:
         return z
 
     def first(self, z: np.ndarray) -> None:
-        """Filters and plays start at their first value."""
+        """Filters and plays start at their first value, or at rest."""
         for j, (truth, _) in self.actuators.items():
-            self.memory[j] = self.U[:, 0, j].copy()
+            self.memory[j] = self.U[:, 0, j] * float(truth.variant != RESTED)
             if truth.name == "input_lag":
-                z[self.slots[id(truth)]] = self.U[:, 0, j]
+                z[self.slots[id(truth)]] = self.memory[j]
         y = self.clean(0.0, 0.0, 0, z)
         for j, (truth, _) in self.sensors.items():
             if truth.name == "sensor_lag":

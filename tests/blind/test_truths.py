@@ -10,7 +10,7 @@ import pytest
 from sksurrogate.blind import draw
 from sksurrogate.blind._equations import two_rooms
 from sksurrogate.blind._excite import coloured
-from sksurrogate.blind._inexact import FORGOTTEN, FULL, LEAN, loop_rate
+from sksurrogate.blind._inexact import FORGOTTEN, FULL, LEAN, RESTED, loop_rate
 from sksurrogate.blind._march import march
 from sksurrogate.blind._plants import PLANTS
 from sksurrogate.blind._retune import beyond_retuning
@@ -124,6 +124,27 @@ def test_two_ways_to_one_effect(plant_name, effect):
     without = plant.simulator().simulate_batch(U, X0)
     change = np.sqrt(np.mean((theirs - without) ** 2))
     assert change > 1e-3 * np.std(without)
+    assert np.sqrt(np.mean((course.outputs - theirs) ** 2)) < 0.02 * change
+
+
+RESTING = [one for one in OSCILLATOR if one[0] in ("input_backlash", "rate_limit", "input_delay", "input_lag")]
+
+
+@pytest.mark.parametrize("effect", RESTING, ids=[one[0] for one in RESTING])
+def test_two_ways_to_an_actuator_that_was_at_rest(effect):
+    name, location, variable, params = effect
+    plant = PLANTS["oscillator"]
+    U, X0 = experiment(plant)
+    course = march(plant, U, X0, [Truth(name, location, variable, params, 3e-3, variant=RESTED)], substeps=12)
+    theirs, settled = (
+        np.stack([one.simulate(u, x0=x) for u, x in zip(U, X0)])
+        for one in (
+            AugmentedSimulator(plant.simulator(), [CATALOGUE[name](location, before=before)], [params])
+            for before in (0.0, None)
+        )
+    )
+    change = np.sqrt(np.mean((theirs - settled) ** 2))
+    assert change > 1e-3 * np.std(settled)
     assert np.sqrt(np.mean((course.outputs - theirs) ** 2)) < 0.02 * change
 
 
