@@ -10,6 +10,7 @@ from sksurrogate.effects._formula import Term
 from sksurrogate.gap.unnamed._channel import Channel
 from sksurrogate.gap.unnamed._drivers import Drivers
 from sksurrogate.gap.unnamed._grammar import terms_of
+from sksurrogate.gap.unnamed._waves import waves_of
 
 #: Numbers that all columns together may take (8 bytes each): more terms are thinned to those that follow the smoothed signal.
 MOST_NUMBERS = 12_000_000
@@ -30,8 +31,8 @@ class Library:
 
     @classmethod
     def of(cls, channel: Channel, drivers: Drivers) -> Library:
-        """All terms of the grammar that are finite and distinct along the path."""
-        terms = terms_of(drivers)
+        """All terms of the grammar, and sines read off the smoothed signal, that are finite and distinct along the path."""
+        terms = [*terms_of(drivers), *waves_of(channel, drivers)]
         values = drivers.values(terms, channel.record)
         sizes = np.sqrt(np.mean(values**2, axis=1))
         good = np.isfinite(sizes) & (sizes > 1e-12)

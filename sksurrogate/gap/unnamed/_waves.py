@@ -1,0 +1,62 @@
+"""Sines of a driver that a smoothed signal follows: their frequencies are read off the signal, however many periods the driver covers."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sksurrogate.effects._formula import Term
+from sksurrogate.gap.unnamed._channel import Channel
+from sksurrogate.gap.unnamed._drivers import Drivers
+
+#: Sines that are read off along a driver, one after the other.
+MOST_WAVES = 3
+#: Angle by which neighbouring frequencies differ over the range of a driver: less than a peak is wide.
+APART = 1.5
+#: Angle that half of the samples cover: beyond it a sine is not resolved.
+RESOLVED = np.pi
+
+
+def waves_of(channel: Channel, drivers: Drivers) -> list[Term]:
+    """Sines of every driver that the smoothed signal at a place follows."""
+    force = channel.force()
+    found = []
+    for name in drivers.present:
+        z = drivers.signals[name]
+        found += [Term((("swing", name, k, 0.0, phase),)) for k, phase in waves(z, force, channel.record.starts)]
+    return found
+
+
+def waves(z: np.ndarray, force: np.ndarray, starts: np.ndarray) -> list[tuple[float, float]]:
+    """Frequency and phase of the sines of ``z`` that ``force`` is made of, the largest first; (n_samples,) both.
+
+    >>> z = np.linspace(-3.0, 6.0, 700)
+    >>> found = waves(z, np.sin(6.0 * z + 0.4) + 0.3 * np.sin(12.0 * z + 1.0), np.array([0]))
+    >>> [(round(k), round(phase, 1)) for k, phase in found[:2]]
+    [(6, 0.4), (12, 1.0)]
+    """
+    reach, moves = float(np.ptp(z)), np.delete(np.abs(np.diff(z)), starts[1:] - 1)
+    fast = float(np.median(moves)) if len(moves) else 0.0
+    if not (reach > 0.0 and fast > 0.0):
+        return []
+    grid = np.arange(APART, RESOLVED / fast * reach, APART) / reach
+    rest, found = force - force.mean(), []
+    for _ in range(MOST_WAVES if len(grid) else 0):
+        k = max(grid, key=lambda k: _explained(k, z, rest))
+        near = k + np.linspace(-APART, APART, 31) / reach
+        k = max(near[near >= grid[0]], key=lambda k: _explained(k, z, rest))
+        columns = _columns(k, z)
+        weights = np.linalg.lstsq(columns, rest, rcond=None)[0]
+        found.append((float(k), float(np.arctan2(weights[2], weights[1]))))
+        rest = rest - columns @ weights
+    return found
+
+
+def _columns(k: float, z: np.ndarray) -> np.ndarray:
+    return np.stack([np.ones_like(z), np.sin(k * z), np.cos(k * z)], axis=1)
+
+
+def _explained(k: float, z: np.ndarray, rest: np.ndarray) -> float:
+    """Squares of a signal that a sine of one frequency explains."""
+    columns = _columns(k, z)
+    g = columns.T @ rest
+    return float(g @ np.linalg.lstsq(columns.T @ columns, g, rcond=None)[0])

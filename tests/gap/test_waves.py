@@ -1,0 +1,35 @@
+"""Sines of a driver are read off a smoothed signal, however many periods the driver covers."""
+
+import numpy as np
+import pytest
+
+from sksurrogate.gap.unnamed._waves import waves
+
+N = 600
+STARTS = N * np.arange(3)
+
+
+def wandering(reach, seed=0):
+    """A driver that wanders in three runs and covers ``reach``."""
+    t = np.arange(N) / N
+    rng = np.random.default_rng(seed)
+    z = np.concatenate([np.sin(2 * np.pi * (f * t + rng.uniform())) for f in (0.7, 1.1, 1.6)])
+    return reach * (z - z.min()) / np.ptp(z)
+
+
+@pytest.mark.parametrize("reach", [2.0, 10.0, 30.0])
+def test_two_sines_are_found_whatever_the_range_of_the_driver(reach):
+    """Amplitude and phase of what was planted, from the frequencies that were read off, are those of the closed form."""
+    z, rng = wandering(reach), np.random.default_rng(1)
+    force = 2.0 * np.sin(6.0 * z + 0.4) + 0.5 * np.sin(12.0 * z + 1.0) + 0.1 * rng.normal(size=len(z))
+    found = sorted(waves(z, force, STARTS)[:2])
+    np.testing.assert_allclose([k for k, _ in found], [6.0, 12.0], atol=1.0 / reach)
+
+
+def test_what_stands_still_has_none():
+    assert waves(np.ones(3 * N), np.random.default_rng(0).normal(size=3 * N), STARTS) == []
+
+
+def test_a_jump_between_runs_is_no_motion():
+    """Of a driver that stands still in each run nothing is resolved by the jumps between runs."""
+    assert waves(np.repeat([0.0, 5.0, 1.0], N), np.random.default_rng(0).normal(size=3 * N), STARTS) == []
