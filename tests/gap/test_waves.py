@@ -33,3 +33,11 @@ def test_what_stands_still_has_none():
 def test_a_jump_between_runs_is_no_motion():
     """Of a driver that stands still in each run nothing is resolved by the jumps between runs."""
     assert waves(np.repeat([0.0, 5.0, 1.0], N), np.random.default_rng(0).normal(size=3 * N), STARTS) == []
+
+
+def test_a_driver_that_is_held_is_resolved_by_its_steps():
+    """Thirty levels, each held with rounding noise: no more frequencies than the levels tell apart."""
+    rng = np.random.default_rng(0)
+    z = np.repeat(rng.uniform(-2.0, 2.0, 30), 3 * N // 30) + 1e-15 * rng.normal(size=3 * N)
+    found = waves(z, np.sin(z + 0.3), STARTS)
+    assert found and all(k < 10.0 for k, _ in found)

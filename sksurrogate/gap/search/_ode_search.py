@@ -64,20 +64,23 @@ class OdeSearch(Expander):
         return self.null
 
     def run(self) -> Evidence:
-        """The whole search; once more with the effects left for later that are expected to close most of what the named ones leave.
+        """The whole search; it goes on with the effects left for later that are expected to close most of what the named ones leave.
 
-        Where names leave no more than noise, with those of which one may stand in the place of several.
+        Where names leave no more than noise it is made anew with those of which one may stand in the place of several.
         """
-        found = super().run()
+        found, null = super().run(), self.fitted_null.candidate
         near = found.left < SETTLED
         if not self.later_asked or len(found.effects) < (2 if near else 1):
             return found
-        likely = self.late_ones((self.fitted_null if near else found).candidate, found.candidate.fit.cost)
+        likely = self.late_ones(null if near else found.candidate, found.candidate.fit.cost)
         if not likely:
             return found
         self.report("effects that were left for later")
         self.ask_now(likely)
-        return super().run()
+        if near:
+            return super().run()
+        self.grow(found.candidate, True, null)
+        return self.standing
 
     def singles(self, null: OdeCandidate) -> list[OdeCandidate]:
         """The null with one effect; those left for later too that are expected to close most of what the best of the others leaves."""
@@ -92,12 +95,17 @@ class OdeSearch(Expander):
         return super().singles(null)
 
     def late_ones(self, base: OdeCandidate, left: float) -> list[Any]:
-        """Keys of the effects left for later that the screen expects to close, beside a base, most of what is ``left``, or to reach the noise."""
+        """Keys of the effects left for later that the screen expects to close, beside a base, most of what is ``left``, or to reach the noise.
+
+        A base that is at the noise by its cost hides in other outputs what one of them leaves: there they must gain what a name needs.
+        """
         later, noise = list(self.later_asked.values()), self.noise_of(base)
         starts = screen(later, self.as_searched(base), self.guess(base), noise, second=self.second).starts
         best = [group[0] for group in best_starts(starts, MOST_LISTED, MOST_LISTED, self.n_values)]
-        most = max(MOST_LEFT**2 * left, SETTLED**2 * self.n_values)
-        return [start.effect.key for start in best if start.left < most]
+        noise_cost = SETTLED**2 * self.n_values
+        if base.effects and left < noise_cost:
+            return [one.effect.key for one in best if one.white > self.needed_gain(len(one.theta))]
+        return [one.effect.key for one in best if one.left < max(MOST_LEFT**2 * left, noise_cost)]
 
     def ask_now(self, keys: Sequence[Any]) -> None:
         """Effects that were left for later are candidates from now on."""

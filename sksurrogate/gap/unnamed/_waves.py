@@ -12,8 +12,10 @@ from sksurrogate.gap.unnamed._drivers import Drivers
 MOST_WAVES = 3
 #: Angle by which neighbouring frequencies differ over the range of a driver: less than a peak is wide.
 APART = 1.5
-#: Angle that half of the samples cover: beyond it a sine is not resolved.
+#: Angle that half of the moves from sample to sample cover: beyond it a sine is not resolved.
 RESOLVED = np.pi
+#: Share of the range below which a driver stands still.
+STILL = 1e-6
 
 
 def waves_of(channel: Channel, drivers: Drivers) -> list[Term]:
@@ -35,10 +37,10 @@ def waves(z: np.ndarray, force: np.ndarray, starts: np.ndarray) -> list[tuple[fl
     [(6, 0.4), (12, 1.0)]
     """
     reach, moves = float(np.ptp(z)), np.delete(np.abs(np.diff(z)), starts[1:] - 1)
-    fast = float(np.median(moves)) if len(moves) else 0.0
-    if not (reach > 0.0 and fast > 0.0):
+    moves = moves[moves > STILL * reach]
+    if not len(moves):
         return []
-    grid = np.arange(APART, RESOLVED / fast * reach, APART) / reach
+    grid = np.arange(APART, min(RESOLVED / np.median(moves) * reach, len(z)), APART) / reach
     rest, found = force - force.mean(), []
     for _ in range(MOST_WAVES if len(grid) else 0):
         k = max(grid, key=lambda k: _explained(k, z, rest))
