@@ -17,15 +17,16 @@ from sksurrogate.gap import GapDiagnoser
 
 
 def judged(case: RecordCase, report: object) -> str:
-    """``right``, or what is not."""
-    names = [effect.name for effect in report.effects]
-    right = {case.effect, *case.also} if case.effect else set()
+    """``right``, or what is not; a name counts at its place, or where the right one is listed as its equivalent."""
+    right = {(name, case.simulator.states[-1]) for name in (case.effect, *case.also)} if case.effect else set()
+    named = [(e.key[:2], {tuple(one)[:2] for one in (e.key, *e.equivalents)}) for e in report.effects]
+    names = [next(iter(alike & right), own) for own, alike in named]
     if case.fault == "nothing":
         fault = not report.data.kinds
     else:
         fault = case.fault in report.data.kinds
-    wrong = [name for name in names if name not in right]
-    if case.effect and not any(name in right for name in names):
+    wrong = ["@".join(map(str, name)) for name in names if name not in right]
+    if case.effect and not set(names) & right:
         wrong.append("effect not named")
     if not case.effect and report.verdict == "unknown":
         wrong.append("unknown")
