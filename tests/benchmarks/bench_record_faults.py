@@ -19,8 +19,9 @@ from sksurrogate.gap import GapDiagnoser
 def judged(case: RecordCase, report: object) -> str:
     """``right``, or what is not; a name counts at its place, or where the right one is listed as its equivalent."""
     right = {(name, case.simulator.states[-1]) for name in (case.effect, *case.also)} if case.effect else set()
-    named = [(e.key[:2], {tuple(one)[:2] for one in (e.key, *e.equivalents)}) for e in report.effects]
-    names = [next(iter(alike & right), own) for own, alike in named]
+    own = [(e.name, e.location) for e in report.effects]
+    named = [(name, {name, *(tuple(one)[:2] for one in e.equivalents)}) for name, e in zip(own, report.effects)]
+    names = [next(iter(alike & right), name) for name, alike in named]
     if case.fault == "nothing":
         fault = not report.data.kinds
     else:
