@@ -104,9 +104,9 @@ def test_a_name_of_nearly_the_right_form_stands_alone_and_closes_the_gap(nearly)
     assert report.shrink.same_names == 1.0  # a set under a noise that was not its own lost to others in single folds
 
 
-def contender(net, before, *keys):
-    """A set of effects with these keys, its log evidence and what of it is known before any data."""
-    return Contender(net, before, SimpleNamespace(keys=keys), None)
+def contender(net, before, *keys, cost=100.0):
+    """A set of effects with these keys, its log evidence and what of it is known before any data; what it leaves by itself."""
+    return Contender(net, before, SimpleNamespace(keys=keys, fit=SimpleNamespace(cost=cost)), None)
 
 
 def test_of_sets_that_data_do_not_separate_the_likelier_before_any_data_is_named():
@@ -116,6 +116,8 @@ def test_of_sets_that_data_do_not_separate_the_likelier_before_any_data_is_named
     assert preferred(own, [contender(6.5, -5.0, "loss"), rare]) is own  # three nats separate
     assert preferred(own, [contender(11.0, -9.0, "twin")]) is own  # as likely as before: what stands stays
     assert preferred(own, [better := contender(14.0, -12.0, "lag")]) is better
+    assert preferred(own, [contender(11.0, -9.0, "twin", cost=30.0)]) is own
+    assert preferred(own, [near := contender(9.0, -9.0, "twin", cost=20.0)]) is near  # the law beside it does much less
 
 
 def test_members_of_a_class_count_for_its_probability():

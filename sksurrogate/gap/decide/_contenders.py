@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sksurrogate.gap.fit._closeness import AT_THE_NOISE, FAR, SETTLED
+from sksurrogate.gap.fit._closeness import AT_THE_NOISE, FAR, MOST_LEFT, SETTLED
 from sksurrogate.gap.fit._evidence import Evidence, estimate_noise
 from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.results._next_experiment import NATS_THAT_SETTLE
@@ -71,9 +71,16 @@ def elsewhere(search: OdeSearch, final: Evidence, own: Contender) -> list[tuple[
 
 
 def preferred(own: Contender, others: Sequence[Contender]) -> Contender:
-    """Of the sets that are as likely as the likeliest, up to :data:`NATS_THAT_SETTLE`, the likeliest before any data, or what stands."""
+    """Of the sets that are as likely as the likeliest, up to :data:`NATS_THAT_SETTLE`, the likeliest before any data.
+
+    Where several are, what stands, or one that leaves much less to the law beside it.
+    """
     best = max(one.net for one in (own, *others))
-    return max((one for one in (own, *others) if one.net > best - NATS_THAT_SETTLE), key=lambda one: one.before)
+    near = [one for one in (own, *others) if one.net > best - NATS_THAT_SETTLE]
+    before = max(one.before for one in near)
+    first, *alike = (one for one in near if one.before > before - 1e-9)
+    nearest = min(alike, key=lambda one: one.candidate.fit.cost, default=first)
+    return nearest if nearest.candidate.fit.cost < MOST_LEFT**2 * first.candidate.fit.cost else first
 
 
 def _near(search: OdeSearch, final: Evidence) -> list[OdeCandidate]:
