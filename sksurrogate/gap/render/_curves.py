@@ -63,6 +63,9 @@ def form_of(effect: EffectEstimate) -> str:
 
     >>> form_of(EffectEstimate("linear_loss", "level", "inflow", 1.0, {"coefficient": 0.1}, {}, 1.0))
     '<p>Form: <code>- c v</code>, added to the balance of level, with c = coefficient, v = inflow</p>'
+    >>> lag = EffectEstimate("input_lag", "valve", None, 1.0, {"time_constant": 0.3}, {}, 1.0, before=0.0)
+    >>> form_of(lag)
+    '<p>Form: <code>c dw/dt + w = u, w(0) = 0</code>, with c = time constant, u = valve</p>'
     """
     kind = CATALOGUE.get(effect.name)
     if kind is None:
@@ -78,7 +81,10 @@ def form_of(effect: EffectEstimate) -> str:
     known = [f"{letter} = {readable(name)}" for letter, name in letters.items() if letter in words and name]
     balance = issubclass(kind, BalanceEffect) and kind.equation[0] in "+-"
     place = f", added to the balance of {escape(effect.location)}" if balance and not effect.at_port else ""
-    return f"<p>Form: <code>{escape(kind.equation)}</code>{place}{escape(', with ' + ', '.join(known)) if known else ''}</p>"
+    equation = (
+        kind.equation if effect.before is None else kind.equation.replace("w(0) = u(0)", f"w(0) = {effect.before:g}")
+    )
+    return f"<p>Form: <code>{escape(equation)}</code>{place}{escape(', with ' + ', '.join(known)) if known else ''}</p>"
 
 
 def effect_html(effect: EffectEstimate, report: ReportData) -> str:
