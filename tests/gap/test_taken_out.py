@@ -5,6 +5,7 @@ import pytest
 
 from sksurrogate.effects import CATALOGUE, AugmentedSimulator
 from sksurrogate.gap.fit._build import build_problem
+from sksurrogate.gap.fit._ode import OdeBackend
 from sksurrogate.gap.search._ode_search import OdeSearch
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics import ODESimulator
@@ -48,3 +49,19 @@ def test_the_exact_twin_is_found_from_there(fitted):
     found = {r.effects[-1].name: r for r in search.anew(candidate.taken_out(1), None, 2, 0)}
     assert found["parameter_error"].fit.cost == pytest.approx(candidate.fit.cost, rel=1e-6)
     assert found["parameter_error"].fit.theta == pytest.approx(candidate.fit.theta, rel=1e-3)
+
+
+def test_a_set_that_is_fitted_again_is_as_near_to_the_data_as_it_was(fitted, monkeypatch):
+    """Of a quantizer a refit may end at another step; the set was fitted before."""
+    problem, candidate = fitted
+    search = OdeSearch(problem, list(EFFECTS), candidate.fit.x)
+    near, astray, fit = search.refitted_without(candidate, 1), candidate.taken_out(1), OdeBackend.fit
+    assert astray.fit.cost > 1.5 * near.fit.cost
+    monkeypatch.setattr(
+        OdeBackend,
+        "fit",
+        lambda self, effects, theta, x, **options: fit(self, effects, theta, x, **options) if options else astray,
+    )
+    assert search.refitted_without(candidate, 1).fit.cost == astray.fit.cost
+    search.remember([near])
+    assert search.refitted_without(candidate, 1).fit.cost == pytest.approx(near.fit.cost, rel=1e-3)

@@ -18,9 +18,10 @@ from sksurrogate.gap.screen._screen import screen
 from sksurrogate.gap.screen._shortlist import MOST_LISTED
 from sksurrogate.gap.search._base import EQUAL, Wanted
 from sksurrogate.gap.search._expander import SEARCH_SHARPNESS, SEARCH_SUBSTEPS, Expander
-from sksurrogate.gap.search._fit_from_starts import best_starts, mean_start, numerics_matter, open_null
+from sksurrogate.gap.search._fit_from_starts import best_starts, cheapest, mean_start, numerics_matter, open_null
 from sksurrogate.gap.search._onsets import look_for_onsets, twins_with_onset
 from sksurrogate.gap.search._restart import line_searched, restarted
+from sksurrogate.gap.search._set_search import COMES_BACK
 from sksurrogate.gap.search._stopping import is_stack
 
 #: Candidates fitted from where the others stand, with one effect of what stands taken out.
@@ -114,12 +115,15 @@ class OdeSearch(Expander):
         self.first_screen = None
 
     def refitted_without(self, candidate: OdeCandidate, i: int) -> OdeCandidate | None:
-        """Without effect i; a step may have been off, and effect i have made up for it."""
+        """Without effect i; a step may have been off, and effect i have made up for it: then from where this set was nearer to the data."""
         effects, theta = candidate.without_effect(i)
         base = candidate.problem.fit(effects, theta, candidate.fit.x[: candidate.model.n_nominal])
         for j in range(len(effects)):
             base = base and line_searched(base, j)
-        return base
+        known = self.fitted.get(frozenset(effect.key for effect in effects))
+        if known is None or (base is not None and known.fit.cost > COMES_BACK * base.fit.cost):
+            return base
+        return cheapest([base, candidate.problem.fit(known.effects, known.fit.theta, known.fit.x, open_steps=0)])
 
     def refined(self, candidate: OdeCandidate) -> OdeCandidate:
         """Fitted again with kinks sharper and steps shorter where that matters."""
