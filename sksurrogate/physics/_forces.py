@@ -13,7 +13,7 @@ from sksurrogate.physics._foreign import REFUSALS
 from sksurrogate.physics._simulator import Plant, offered_ports
 
 #: Forces of 0 change what a function gives by no more than this share: a contact solver begins where it ended.
-SAME = 1e-6
+UNMOVED = 1e-6
 
 
 class _WithForces:
@@ -76,7 +76,9 @@ def check_forces(plant: Plant, u: np.ndarray) -> None:
             ) from error
         if without is None or unmoved is None:
             continue
-        if without.shape != unmoved.shape or not np.allclose(without, unmoved, rtol=SAME, atol=1e-12, equal_nan=True):
+        if without.shape != unmoved.shape or not np.allclose(
+            without, unmoved, rtol=UNMOVED, atol=1e-12, equal_nan=True
+        ):
             raise SimulatorError(
                 f"{what} gives {unmoved.tolist()} for forces of 0 at its ports, and {without.tolist()} without forces: both must be "
                 f"the same; {wanted}."

@@ -10,12 +10,12 @@ from sksurrogate.gap.unnamed._drivers import Drivers
 
 #: Sines that are read off along a driver, one after the other.
 MOST_WAVES = 3
-#: Angle by which neighbouring frequencies differ over the range of a driver: less than a peak is wide.
-APART = 1.5
+#: Width of a peak, as an angle over the range of a driver: neighbouring frequencies differ by it.
+PEAK = 1.5
 #: Angle that half of the moves from sample to sample cover: beyond it a sine is not resolved.
 RESOLVED = np.pi
 #: Share of the range below which a driver stands still.
-STILL = 1e-6
+NO_MOVE = 1e-6
 
 
 def waves_of(channel: Channel, drivers: Drivers) -> list[Term]:
@@ -37,14 +37,14 @@ def waves(z: np.ndarray, force: np.ndarray, starts: np.ndarray) -> list[tuple[fl
     [(6, 0.4), (12, 1.0)]
     """
     reach, moves = float(np.ptp(z)), np.delete(np.abs(np.diff(z)), starts[1:] - 1)
-    moves = moves[moves > STILL * reach]
+    moves = moves[moves > NO_MOVE * reach]
     if not len(moves):
         return []
-    grid = np.arange(APART, min(RESOLVED / np.median(moves) * reach, len(z)), APART) / reach
+    grid = np.arange(PEAK, min(RESOLVED / np.median(moves) * reach, len(z)), PEAK) / reach
     rest, found = force - force.mean(), []
     for _ in range(MOST_WAVES if len(grid) else 0):
         k = max(grid, key=lambda k: _explained(k, z, rest))
-        near = k + np.linspace(-APART, APART, 31) / reach
+        near = k + np.linspace(-PEAK, PEAK, 31) / reach
         k = max(near[near >= grid[0]], key=lambda k: _explained(k, z, rest))
         columns = _columns(k, z)
         weights = np.linalg.lstsq(columns, rest, rcond=None)[0]
