@@ -22,6 +22,7 @@ from sksurrogate.gap.decide._experiment import name_of, next_experiment
 from sksurrogate.gap.decide._held_out import Baseline, held_out, likelier_held_out, notes_on_names, same_names, traces
 from sksurrogate.gap.decide._retuning import parameter_errors
 from sksurrogate.gap.decide._rules import certified, share_left
+from sksurrogate.gap.decide._run_to_run import differs, run_to_run
 from sksurrogate.gap.faults._record_book import faults_of
 from sksurrogate.gap.fit._closed_loop import LOOP, closed_loop
 from sksurrogate.gap.fit._closeness import FAR
@@ -260,6 +261,13 @@ class DiagnosisPipeline(LawStage[C]):
         over_noise = self.unnamed.over_noise(self.final, found.retuned)
         return remainder_of(shrink, share_left(shrink), over_noise, self.unnamed.beside)
 
+    def from_run_to_run(self) -> list[str]:
+        """Whether one cause has another size in every run: said, since a name has one size."""
+        with self.answered("whether the gap differs from run to run"):
+            found = run_to_run(self.search, self.final) if len(self.labels) == len(self.problem.record.starts) else None
+            return [] if found is None else [differs(found, self.labels)]
+        return []
+
     def notes(self, verdict: str) -> list[str]:
         """What a careful reader should know."""
         found, final, problem = self.found, self.final, self.problem
@@ -275,6 +283,7 @@ class DiagnosisPipeline(LawStage[C]):
         if verdict == "none" and found.shrink is not None:
             notes += _notes.on_none(found.shrink)
         notes += self.unnamed.notes(final, verdict)
+        notes += self.from_run_to_run() if verdict != "none" else []
         notes += [*_notes.at_a_bound(self.retuned()), *_notes.lost_candidates(list(self.search.lost))]
         loop = closed_loop(problem.record, final.fit.y, problem.plant.inputs)
         if loop is not None and final.left < FAR:  # what is left must be noise, not the gap itself
