@@ -5,7 +5,7 @@ The parameters of the model move along to first order, so that noise and model a
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -16,8 +16,9 @@ from sksurrogate.kernels.linear_fit import linear_least_squares
 from sksurrogate.kernels.noise_slopes import noise_slopes
 from sksurrogate.kernels.run_columns import RunColumns, take_out
 
-#: Least correlation time of forces and of coloured sensor noise in samples; the largest is the longest run.
-LEAST_TAU = 2.0
+#: Correlation times of forces and of coloured sensor noise stay within these numbers of samples; one that ends at the largest may grow to
+#: the longest run.
+TAU_RANGE = (2.0, 60.0)
 #: Least force over the RMS of dx/dt: a slow plant adds up a small force to more than its noise.
 LEAST_FORCE = 1e-7
 #: Mean square of the whitened residual beyond which, or below whose inverse, a noise fit starts from all noises resized.
@@ -38,10 +39,10 @@ def _prior_slopes(noise: Noise, sigma_unit: np.ndarray) -> np.ndarray:
 
 
 def _noise_bounds(
-    unit: np.ndarray, force_unit: np.ndarray, caps: tuple[np.ndarray, np.ndarray] | None, longest: int
+    unit: np.ndarray, force_unit: np.ndarray, caps: tuple[np.ndarray, np.ndarray] | None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Bounds of :meth:`Noise.pack`; ``longest``: samples of the longest run."""
-    taus = np.log(LEAST_TAU), np.log(max(LEAST_TAU, longest))
+    """Bounds of :meth:`Noise.pack`."""
+    taus = np.log(TAU_RANGE)
     low = np.concatenate(
         [
             np.log(unit * 0.05),
@@ -109,7 +110,7 @@ def fit_noise(
     columns = r[:, None] if J is None else np.concatenate([r[:, None], J], axis=1)
     none = np.zeros(columns.shape[1] - 1)
     unit = start.sigma if sigma_unit is None else sigma_unit
-    low, high = _noise_bounds(unit, force_unit, caps, int(np.max(model.ends + 1 - model.starts)))
+    low, high = _noise_bounds(unit, force_unit, caps)
     if held is not None:
         low, high = np.where(held, start.pack(), low), np.where(held, start.pack(), high)
     f = _Likelihood(
@@ -125,8 +126,20 @@ def fit_noise(
     )
     first = f.resized(np.clip(start.pack(), low, high))
     eta, value, inverse = _quasi_newton(f, *first, max_iterations, curvature)
+    slow = _at_slowest(start, eta, low, high)
+    if slow.any():
+        slower = np.where(slow, np.log(max(TAU_RANGE[1], np.max(model.ends + 1 - model.starts))), high)
+        wide = replace(f, high=slower)
+        eta, value, inverse = _quasi_newton(wide, *wide.resized(eta), max_iterations, inverse)
     noise = start.unpack(eta)
     return noise, -value - _log_prior(noise, unit), inverse
+
+
+def _at_slowest(start: Noise, eta: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Which entries of :meth:`Noise.pack` are correlation times that are fitted and end at their bound."""
+    of_time = np.zeros(len(eta), bool)
+    of_time[[len(start.sigma) + len(start.force), -1]] = True
+    return np.asarray(of_time & (high > low) & (eta >= high - 1e-6))
 
 
 class _Value(NamedTuple):

@@ -7,6 +7,7 @@ import numpy as np
 from sksurrogate.effects._formula import Term
 from sksurrogate.gap.unnamed._channel import Channel
 from sksurrogate.gap.unnamed._drivers import Drivers
+from sksurrogate.kernels.linear_fit import linear_least_squares
 
 #: Sines that are read off along a driver, one after the other.
 MOST_WAVES = 3
@@ -38,7 +39,7 @@ def waves(z: np.ndarray, force: np.ndarray, starts: np.ndarray) -> list[tuple[fl
     """
     reach, moves = float(np.ptp(z)), np.delete(np.abs(np.diff(z)), starts[1:] - 1)
     moves = moves[moves > NO_MOVE * reach]
-    if not len(moves):
+    if not (len(moves) and np.isfinite(reach) and np.isfinite(force).all()):
         return []
     grid = np.arange(PEAK, min(RESOLVED / np.median(moves) * reach, len(z)), PEAK) / reach
     rest, found = force - force.mean(), []
@@ -47,7 +48,7 @@ def waves(z: np.ndarray, force: np.ndarray, starts: np.ndarray) -> list[tuple[fl
         near = k + np.linspace(-PEAK, PEAK, 31) / reach
         k = max(near[near >= grid[0]], key=lambda k: _explained(k, z, rest))
         columns = _columns(k, z)
-        weights = np.linalg.lstsq(columns, rest, rcond=None)[0]
+        weights = linear_least_squares(columns, rest)
         found.append((float(k), float(np.arctan2(weights[2], weights[1]))))
         rest = rest - columns @ weights
     return found
@@ -61,4 +62,4 @@ def _explained(k: float, z: np.ndarray, rest: np.ndarray) -> float:
     """Squares of a signal that a sine of one frequency explains."""
     columns = _columns(k, z)
     g = columns.T @ rest
-    return float(g @ np.linalg.lstsq(columns.T @ columns, g, rcond=None)[0])
+    return float(g @ linear_least_squares(columns.T @ columns, g))
