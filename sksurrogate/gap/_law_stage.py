@@ -34,14 +34,14 @@ class LawStage(DiagnosisState[C]):
         found, features = self.found, self.features()
         if features is None or found.held is None or found.shrink is None or not found.shrink.measurable:
             return
-        rule, beside = first_rule(features), None
+        rule, beside, rest = first_rule(features), None, None
         if rule.withdraws:
             self.withdraw_names(LEAVE_A_LAW)
         elif self.names_may_imitate(rule.verdict):
-            beside = self.law_in_place_of_names(found.held)
+            beside, rest = self.law_in_place_of_names(found.held)
         if beside is None and rule.law and rule.verdict in ("partial", "unknown"):
             base = self.final if rule.verdict == "partial" else self.null
-            beside = self.unnamed.law_beside(base, self.final, found.held)
+            beside = self.unnamed.law_beside(base, self.final, found.held) if rest is None else rest
         if beside is not None:
             found.held, found.beside = beside.held, beside
             self.measure()
@@ -59,16 +59,19 @@ class LawStage(DiagnosisState[C]):
         apart = len({place_and_signal(effect) for effect in effects}) > 1 and self.final.left > NEARLY_WHITE
         return verdict in ("explained", "partial") and (len(effects) >= STACK or apart)
 
-    def law_in_place_of_names(self, held: HeldOut) -> CertifiedLaw | None:
-        """One formula that is clearly likelier than all names, and than names and a law beside them: these are withdrawn. None where they stand."""
+    def law_in_place_of_names(self, held: HeldOut) -> tuple[CertifiedLaw | None, CertifiedLaw | None]:
+        """One formula that is clearly likelier than all names, and than these with the law that they leave: they are withdrawn.
+
+        None where the names stand; and the law that they leave, where it was asked for.
+        """
         beside = self.unnamed.law_beside(self.null, self.final, held)
         if beside is None or not self.unnamed.law_instead(beside, self.final, None):
-            return None
+            return None, None
         rest = self.unnamed.law_beside(self.final, self.final, held)
         if rest is not None and not self.unnamed.law_instead(beside, self.final, rest):
-            return None
+            return None, rest
         after = self.withdraw_names(INSTEAD)
-        return replace(beside, held=replace(after, law=beside.held.law))
+        return replace(beside, held=replace(after, law=beside.held.law)), None
 
     def withdraw_names(self, why: str) -> HeldOut:
         """The null stands, measured again on runs left out."""

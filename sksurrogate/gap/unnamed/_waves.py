@@ -15,6 +15,8 @@ MOST_WAVES = 3
 PEAK = 1.5
 #: Angle that half of the moves from sample to sample cover: beyond it a sine is not resolved.
 RESOLVED = np.pi
+#: Periods over the range of a driver, beyond which no law of a plant is looked for: a long record resolves any number.
+MOST_PERIODS = 100
 #: Share of the range below which a driver stands still.
 NO_MOVE = 1e-6
 
@@ -41,7 +43,8 @@ def waves(z: np.ndarray, force: np.ndarray, starts: np.ndarray) -> list[tuple[fl
     moves = moves[moves > NO_MOVE * reach]
     if not (len(moves) and np.isfinite(reach) and np.isfinite(force).all()):
         return []
-    grid = np.arange(PEAK, min(RESOLVED / np.median(moves) * reach, len(z)), PEAK) / reach
+    resolved = RESOLVED / np.median(moves) * reach
+    grid = np.arange(PEAK, min(resolved, 2.0 * np.pi * MOST_PERIODS), PEAK) / reach
     rest, found = force - force.mean(), []
     for _ in range(MOST_WAVES if len(grid) else 0):
         k = max(grid, key=lambda k: _explained(k, z, rest))
