@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Iterable, Sequence
+from numbers import Real
 from typing import Any
+
+import numpy as np
 
 from sksurrogate._close_names import did_you_mean
 from sksurrogate.effects import _balance as balance
@@ -193,13 +196,23 @@ def _instances(item: Any, plant: Plant, places: Places) -> Iterable[BaseEffect]:
     )
 
 
+#: Numbers that effects take beside their places, and the effects that do.
+OWN_NUMBERS = {"before": actuator.RememberingActuator, "earliest": sensor.SensorDelay}
+
+
 def check_place(effect: BaseEffect, plant: Plant) -> None:
-    """Say which name an effect uses that the plant does not have.
+    """Say which name an effect uses that the plant does not have, or which of its numbers is none.
 
     Raises
     ------
     DataError
     """
+    for name, kind in OWN_NUMBERS.items():
+        value = getattr(effect, name, None) if isinstance(effect, kind) else None
+        if value is not None and (
+            isinstance(value, bool) or not isinstance(value, Real) or not np.isfinite(float(value))
+        ):
+            raise DataError(f"{effect!r}: {name}={value!r}: expected a finite number; leave it out for the default.")
     named = {"parameter": tuple(plant.params), "state": plant.states, "input": plant.inputs, "output": plant.outputs}
     places = named[effect.kind]
     ports = plant.ports if isinstance(effect, BalanceEffect) else ()

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from sksurrogate.effects._effect import InputEffect, Parameter, Probe
+from sksurrogate.effects._effect import BaseEffect, InputEffect, Parameter, Probe
 from sksurrogate.effects._lattice import COARSE, likely_steps
 from sksurrogate.kernels.signals import Signal, delay, lag, play, pointwise, rate_limit
 from sksurrogate.physics._simulator import Plant
@@ -211,9 +212,25 @@ class RememberingActuator(InputEffect):
         ``w(0)`` of the equation is the same.
     """
 
-    def __init__(self, location: str | None = None, variable: str | None = None, before: float | None = None):
+    def __init__(self, location: str | None = None, variable: str | None = None, before: Any = None):
         super().__init__(location, variable)
         self.before = before
+
+
+def within_runs(effect: BaseEffect, whole: np.ndarray) -> Any:
+    """The effect where some runs are pieces from within a recorded one: what was before the run was not before these.
+
+    ``whole`` (n_runs,): which runs begin where a recorded one does.
+
+    >>> lag = within_runs(InputLag("u", before=0.0), np.array([True, False]))
+    >>> lag.before
+    array([ 0., nan])
+    """
+    if not isinstance(effect, RememberingActuator) or effect.before is None or whole.all():
+        return effect
+    out = copy.copy(effect)
+    out.before = np.where(whole, effect.before, np.nan)
+    return out
 
 
 class InputBacklash(RememberingActuator):

@@ -18,6 +18,7 @@ from sksurrogate.effects._effect import (
     SensorEffect,
     SensorPath,
 )
+from sksurrogate.effects._input import within_runs
 from sksurrogate.effects._limit import in_force
 from sksurrogate.effects._onset import Starting, edges_of, timed
 from sksurrogate.effects._parameter import constant_in_time
@@ -103,9 +104,9 @@ class AugmentedModel:
 
     @cached_property
     def held(self) -> list[Signal]:
-        """Every input as it was recorded, between the samples too."""
-        order = 0 if self.plant.hold == "zoh" else 1
-        return [hold(u, self.n_sub, order, self.record.starts) for u in self.record.u]
+        """Every input as it was recorded before it was cut, between the samples too."""
+        order, uncut = 0 if self.plant.hold == "zoh" else 1, self.record.uncut
+        return [hold(u, self.n_sub, order, uncut.starts) for u in uncut.u]
 
     @cached_property
     def plain_inputs(self) -> tuple[np.ndarray, np.ndarray | None, np.ndarray]:
@@ -113,7 +114,7 @@ class AugmentedModel:
         if not self.held:
             none = np.zeros((self.n_sub, 0, 1, self.record.n_samples))
             return none, None, none[0]
-        return _stacked(self.held)
+        return self.record.of_uncut(*_stacked(self.held))
 
     def bind(self, theta: np.ndarray) -> BoundModel:
         """The model at parameter vectors ``theta`` (n_theta, n_columns)."""
@@ -230,7 +231,7 @@ class BoundModel:
     # ---- inputs -----------------------------------------------------------------------------------------------------
     def _inputs(self) -> tuple[np.ndarray, np.ndarray | None, np.ndarray]:
         """Inputs that act: (n_sub, n_inputs, n_columns | 1, n_samples); those at the samples (n_inputs, n_columns | 1, n_samples)."""
-        a, record = self.a, self.record
+        a, record = self.a, self.record.uncut
         acting = [(e.order, i, e) for i, e in enumerate(a.effects) if isinstance(e, InputEffect)]
         if not acting:
             return a.plain_inputs
@@ -243,9 +244,9 @@ class BoundModel:
             place = a.plant.inputs.index(str(effect.location))
             other = given[a.plant.inputs.index(effect.variable)] if effect.variable else None
             distinct = [row[first, None] for row in self.theta[a.slice_of(i)]]
-            own_path = timed(effect, record.t).transform
+            own_path = within_runs(timed(effect, record.t), record.whole_starts).transform
             signals[place] = own_path(signals[place], other, distinct, self.h, record.recorded_starts)
-        mean, half, shown = _stacked(signals)
+        mean, half, shown = self.record.of_uncut(*_stacked(signals))
         if mean.shape[2] > 1:
             column = np.ravel(column)
             mean, half = mean[:, :, column], None if half is None else half[:, :, column]

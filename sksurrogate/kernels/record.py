@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -57,6 +58,12 @@ class Record:
         Time from every row to the next; None where that is ``dt`` everywhere.
     recorded : ndarray of int (n_samples,) or None
         Number of the recorded run of every row, where ``starts`` are those of pieces; None where runs are whole.
+    began : ndarray (n_recorded_runs,) or None
+        Times at which these began.
+    history : Record or None
+        The record before it was cut: what an actuator remembers at the start of a piece.
+    place : ndarray of int (n_samples,) or None
+        Rows of the history.
     input_noise : ndarray (n_outputs,) or float
         RMS that noise on the measured inputs moves the outputs by, as far as it is known: no model follows it.
     """
@@ -71,6 +78,9 @@ class Record:
     steps: np.ndarray | None = None
     input_noise: np.ndarray | float = 0.0
     recorded: np.ndarray | None = None
+    began: np.ndarray | None = None
+    history: Record | None = None
+    place: np.ndarray | None = None
 
     @classmethod
     def from_runs(
@@ -184,6 +194,23 @@ class Record:
         step = self.dt if self.steps is None else self.steps[:-1]
         return np.flatnonzero(np.r_[True, (np.diff(self.recorded) != 0) | (np.diff(self.t) > 1.5 * step)])
 
+    @property
+    def whole_starts(self) -> np.ndarray:
+        """Which of :attr:`recorded_starts` are first rows of recorded runs, and not of pieces within one."""
+        rows = self.recorded_starts
+        if self.recorded is None or self.began is None:
+            return np.ones(len(rows), bool)
+        return np.asarray(self.t[rows] == self.began[self.recorded[rows]])
+
+    @property
+    def uncut(self) -> Record:
+        """The record with what came before its pieces, as far as that is known."""
+        return self if self.history is None else self.history
+
+    def of_uncut(self, *signals: Any) -> Any:
+        """The rows of this record of signals (..., n_samples) along :attr:`uncut`, None where one is None."""
+        return signals if self.place is None else [None if one is None else one[..., self.place] for one in signals]
+
     def back(self, k: int) -> np.ndarray:
         """Row k samples before each, or the first of its run."""
         return np.maximum(np.arange(self.n_samples) - k, self.starts[self.run_of_row])
@@ -195,7 +222,25 @@ class Record:
         steps = None if self.steps is None else self.steps[rows]
         u, y, t = self.u[:, rows], self.y[:, rows], self.t[rows]
         recorded = None if self.recorded is None else self.recorded[rows]
-        return Record(u, y, t, starts, self.dt, known, offset, steps, self.input_noise, recorded)
+        place = None if self.place is None else self.place[rows]
+        return Record(
+            u, y, t, starts, self.dt, known, offset, steps, self.input_noise, recorded, self.began, self.history, place
+        )
+
+    def cut(self, starts: np.ndarray) -> Record:
+        """With its runs cut into pieces that begin at ``starts``; what was recorded without a break is still known."""
+        out = replace(self, starts=starts)
+        if self.recorded is None:
+            out = replace(out, recorded=self.run_of_row, began=self.t[self.starts])
+        return out if self.history is not None else replace(out, history=self, place=np.arange(self.n_samples))
+
+    def with_inputs(self, u: np.ndarray) -> Record:
+        """With other inputs (n_inputs, n_samples), in its history too."""
+        if self.history is None:
+            return replace(self, u=u)
+        whole = self.history.u.copy()
+        whole[:, self.place] = u
+        return replace(self, u=u, history=self.history.with_inputs(whole))
 
     def select(self, runs: Sequence[int]) -> Record:
         """Some of the runs."""

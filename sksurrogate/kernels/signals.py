@@ -103,7 +103,16 @@ def _over_columns(
     return Signal(_by_substep(out[0], n_sub), _by_substep(out[1], n_sub), out[2, :, ::n_sub])
 
 
-def delay(signal: Signal, time: np.ndarray, h: float, starts: np.ndarray, before: float | None = None) -> Signal:
+#: What a signal was before every run: one value, one for each run with nan for its first value, or None for that in all.
+Before = float | np.ndarray | None
+
+
+def _before_run(first: np.ndarray, before: Before) -> np.ndarray:
+    """What the signal was before every run, whose first value is ``first`` (..., n_runs)."""
+    return first if before is None else np.where(np.isnan(before), first, before)
+
+
+def delay(signal: Signal, time: np.ndarray, h: float, starts: np.ndarray, before: Before = None) -> Signal:
     """``u(t - time)``. Exact in the first two moments of every substep.
 
     Parameters
@@ -115,16 +124,18 @@ def delay(signal: Signal, time: np.ndarray, h: float, starts: np.ndarray, before
         Width of a substep.
     starts : ndarray of int (n_runs,)
         First sample of every run.
-    before : float, optional
-        The input before the first row of a run; None: the value of that row.
+    before : float or ndarray (n_runs,), optional
+        The input before the first row of a run; None or nan: the value of that row.
     """
     n_sub = len(signal.mean)
     n = signal.mean.shape[2] * n_sub
-    first = _first_of_run(starts * n_sub, n)
+    firsts = starts * n_sub
+    run = np.repeat(np.arange(len(starts)), np.diff(np.r_[firsts, n]))
+    first = firsts[run]
 
     def one(mean: np.ndarray, half: np.ndarray, size: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         m, phi = delay_in_substeps(size, h, n)
-        held = (mean - half)[first] if before is None else before
+        held = _before_run((mean - half)[firsts], before)[run]
         late, later = np.arange(n) - m, np.arange(n) - m - 1
         in2, in1 = late >= first, later >= first
         late, later = np.maximum(late, first), np.maximum(later, first)
@@ -135,7 +146,7 @@ def delay(signal: Signal, time: np.ndarray, h: float, starts: np.ndarray, before
     return _over_columns(one, signal, time)
 
 
-def lag(signal: Signal, time_constant: np.ndarray, h: float, starts: np.ndarray, before: float | None = None) -> Signal:
+def lag(signal: Signal, time_constant: np.ndarray, h: float, starts: np.ndarray, before: Before = None) -> Signal:
     """``c dw/dt + w = u``, ``w(0) = before``, solved exactly and kept to two moments a substep.
 
     Parameters as :func:`delay`, with the time constant of every column.
@@ -145,9 +156,7 @@ def lag(signal: Signal, time_constant: np.ndarray, h: float, starts: np.ndarray,
 
     def one(mean: np.ndarray, half: np.ndarray, size: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         k = max(size / h, 1e-15)  # time constant in substeps
-        decay, first = float(np.exp(-1.0 / k)), (mean - half)[firsts]
-        if before is not None:
-            first = np.full_like(first, before)
+        decay, first = float(np.exp(-1.0 / k)), _before_run((mean - half)[firsts], before)
         b, _, _ = lag_piece(mean, half, 0.0, k)
         b[firsts] += decay * first
         ends = first_order_scan(decay, b, firsts)
@@ -173,7 +182,7 @@ def _first_of_run(starts: np.ndarray, n: int) -> np.ndarray:
     return np.repeat(starts, np.diff(np.r_[starts, n]))
 
 
-def play(signal: Signal, half_width: np.ndarray, starts: np.ndarray, before: float | None = None) -> Signal:
+def play(signal: Signal, half_width: np.ndarray, starts: np.ndarray, before: Before = None) -> Signal:
     """Backlash: ``w[k] = clip(w[k-1], u[k] - c, u[k] + c)``, starts at the first value, or from ``before``.
 
     Clips compose to clips, so that the recursion is a prefix scan of log2(n) vectorised passes.
@@ -191,8 +200,7 @@ def play(signal: Signal, half_width: np.ndarray, starts: np.ndarray, before: flo
     low, high = np.broadcast_arrays(nodes - width, nodes + width)
     low, high = low.copy(), high.copy()
     firsts = starts * per_sample
-    at_start = nodes[:, firsts] if before is None else np.clip(before, low[:, firsts], high[:, firsts])
-    low[:, firsts] = high[:, firsts] = at_start
+    low[:, firsts] = high[:, firsts] = np.clip(_before_run(nodes[:, firsts], before), low[:, firsts], high[:, firsts])
     age = np.arange(n) - _first_of_run(firsts, n)
     step = 1
     while step < n:
@@ -208,7 +216,7 @@ def play(signal: Signal, half_width: np.ndarray, starts: np.ndarray, before: flo
     return Signal((pairs[:, 0] + pairs[:, 1]) / 2, (pairs[:, 1] - pairs[:, 0]) / 2)
 
 
-def rate_limit(signal: Signal, limit: np.ndarray, h: float, starts: np.ndarray, before: float | None = None) -> Signal:
+def rate_limit(signal: Signal, limit: np.ndarray, h: float, starts: np.ndarray, before: Before = None) -> Signal:
     """``abs(dw/dt) <= c`` towards the input, starts at its first value or at ``before``; the ramp ends exactly where it meets a held input."""
     n_sub = len(signal.mean)
     target = _by_time(signal.end())
@@ -218,9 +226,7 @@ def rate_limit(signal: Signal, limit: np.ndarray, h: float, starts: np.ndarray, 
     bounds = np.r_[starts * n_sub, n]
     longest = int(np.max(np.diff(bounds)))
     ahead = np.empty(target.shape)
-    first = _by_time(signal.start())[:, bounds[:-1]]
-    if before is not None:
-        first = np.full_like(first, before)
+    first = _before_run(_by_time(signal.start())[:, bounds[:-1]], before)
     w = np.broadcast_to(first, (len(target), first.shape[1])).copy()
     r = reach[:, :1]
     for k in range(

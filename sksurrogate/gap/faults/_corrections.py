@@ -152,13 +152,13 @@ class NoisyInput(BaseFault):
         for a, b in record.spans:
             u[self.input, a:b] = SMOOTHINGS[self.way](record.u[self.input, a:b])
         stays = record.input_noise if self.slow is None else np.hypot(record.input_noise, self.slow.moved)
-        return replace(record, u=u, input_noise=stays)
+        return replace(record.with_inputs(u), input_noise=stays)
 
     def noisier(self, record: Record, draw: int) -> Record:
         """The record with as much white noise once more on the input."""
         u, rng = record.u.copy(), np.random.default_rng(draw)
         u[self.input] += self.deviation(record) * rng.normal(size=record.n_samples)
-        return replace(record, u=u)
+        return record.with_inputs(u)
 
     def deviation(self, record: Record) -> float:
         """Of the noise: no larger than what smoothing removes, nor than what is white in the input."""

@@ -159,7 +159,7 @@ class OdeCandidate(BaseCandidate):
     def shown_at_once(self, name: str) -> bool:
         problem, record = self.problem, self.problem.record
         x, nothing = self.fit.x[: len(problem.plant.states), None], np.zeros((len(problem.free), 1))
-        pushed = replace(record, u=pushed_input(record.u, problem.plant.inputs.index(name))[0])
+        pushed = record.with_inputs(pushed_input(record.u, problem.plant.inputs.index(name))[0])
         moved, y = (replace(problem, record=one).augmented(()).bind(nothing).outputs(x) for one in (pushed, record))
         return not np.allclose(moved, y, rtol=1e-12, atol=0.0)
 

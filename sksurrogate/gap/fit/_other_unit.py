@@ -94,7 +94,7 @@ def _all_in(record: Record, factor: float) -> tuple[np.ndarray, np.ndarray]:
 
 def _divided(record: Record, inputs: np.ndarray, outputs: np.ndarray) -> Record:
     """Signals in other units."""
-    return replace(record, u=record.u / inputs[:, None], y=record.y / outputs[:, None])
+    return replace(record.with_inputs(record.u / inputs[:, None]), y=record.y / outputs[:, None])
 
 
 def _in_words(factor: float, names: Sequence[str]) -> str:

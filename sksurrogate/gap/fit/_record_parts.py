@@ -47,7 +47,8 @@ def excerpt(record: Record, most: int) -> tuple[Record, np.ndarray]:
             total += b - a
     rows = np.concatenate([np.arange(a, b) for a, b in bounds])
     starts = np.cumsum([0] + [b - a for a, b in bounds[:-1]])
-    return replace(record, recorded=record.recorded_run_of_row).rows(rows, starts), rows
+    part = record.cut(record.starts).rows(rows, starts)
+    return replace(part, history=None, place=None), rows  # all of a long record costs too much
 
 
 def _cut(a: int, b: int, n: int) -> tuple[np.ndarray, np.ndarray]:
@@ -81,4 +82,4 @@ def blocked(record: Record) -> Record:
     for a, n in zip(record.starts, record.lengths):
         count = max(1, min(pieces, n // SHORTEST_BLOCK))
         starts.extend(a + np.round(np.linspace(0, n, count + 1)[:-1]).astype(int))
-    return replace(record, starts=np.array(starts, dtype=int))
+    return record.cut(np.array(starts, dtype=int))

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from sksurrogate.gap.fit._record_parts import SHORTEST_BLOCK
@@ -72,4 +70,4 @@ def in_pieces(record: Record, n_rows: int) -> Record:
     (array([ 0, 20, 40, 70]), array([ 0, 40]))
     """
     edges = [np.linspace(a, b, -(-(b - a) // n_rows) + 1)[:-1] for a, b in record.spans]
-    return replace(record, starts=np.round(np.concatenate(edges)).astype(int), recorded=record.recorded_run_of_row)
+    return record.cut(np.round(np.concatenate(edges)).astype(int))

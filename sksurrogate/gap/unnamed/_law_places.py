@@ -100,7 +100,7 @@ def input_gain(candidate: OdeCandidate, i: int, x: np.ndarray | None = None) -> 
     u[i] += step
     theta, x = candidate.fit.theta[:, None], (candidate.fit.x if x is None else x)[:, None]
     given = candidate.model.bind(theta)
-    shifted = replace(problem, record=replace(record, u=u)).augmented(candidate.effects).bind(theta)
+    shifted = replace(problem, record=record.with_inputs(u)).augmented(candidate.effects).bind(theta)
     with np.errstate(all="ignore"):
         return (shifted(x) - given(x))[:, 0] / step, (shifted.outputs(x) - given.outputs(x))[:, 0] / step
 
