@@ -25,6 +25,7 @@ from sksurrogate.gap.faults._wrong_readings import (
 )
 from sksurrogate.kernels.readings import Stretch
 from sksurrogate.kernels.record import Record
+from sksurrogate.physics import ODESimulator
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
 from record_cases import make_case
@@ -327,3 +328,19 @@ def test_what_is_left_of_a_shift_is_looked_for_in_its_runs_alone():
         y[:, a:b] = later(y[:, a:b], k)
     rest = _rest_of_shifts(np.array([False, True, False]), clean.run_of_row)(replace(clean, y=y), clean.y)
     assert rest.values.tolist() == [0, 3, 0]
+
+
+def test_loads_of_each_run_read_as_offsets_where_the_plant_is_linear_and_the_remedy_says_so():
+    """From free initial states ``dx/dt = u - a x + load`` is the plant without the load, and ``load / a`` on top."""
+    loads, rng = np.array([0.8, -0.5, 0.3, -0.9]), np.random.default_rng(0)
+    plant = ODESimulator(
+        lambda t, x, u, p: (u[0] - 2.0 * x[0],), states=["x"], inputs=["u"], outputs=["x"], params={}, dt=0.1
+    )
+    U = np.repeat(rng.uniform(-1, 1, (4, 12)), 10, axis=1)
+    y = np.concatenate([plant.simulate((u + load)[:, None]).ravel() for u, load in zip(U, loads)])
+    y += 0.01 * y.std() * rng.normal(size=len(y))
+    diagnoser = GapDiagnoser(plant, effects=["input_gain", "linear_loss"], n_jobs=1, random_state=0)
+    (fault,) = diagnoser.fit(U.reshape(-1, 1), y, np.repeat(range(4), 120)).report_.data
+    assert fault.kind == "offset"
+    assert [fault.values[k] for k in range(4)] == pytest.approx(loads / 2.0, abs=0.02)
+    assert "a load" in fault.remedy

@@ -245,7 +245,10 @@ class Offsets(_OfRuns):
     """The zero of one output differs from run to run: ``values`` are measured less true."""
 
     kind, effect = "offset", "sensor_bias"
-    remedy = "Take the zero of the sensor before every run, or subtract these values."
+    remedy = (
+        "Take the zero of the sensor before every run, or subtract these values. Where the plant is linear, a load, or an input "
+        "that is off by a constant, of another size in these runs reads the same."
+    )
 
     def corrected(self, record: Record) -> Record:
         """Without the offsets."""
