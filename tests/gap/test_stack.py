@@ -140,6 +140,7 @@ def test_a_set_grows_on_from_the_form_that_leads_to_the_noise(monkeypatch, leads
         judged={rich: SimpleNamespace(left=20.0, fit=rich.fit)},
         tolerated_cost=10.0,
         leads_on=lambda one, n: one.name == leads,
+        may_be_named=lambda one: True,
         stand=lambda one: stood.append(one.name) or one,
         one_more=lambda one, passed: asked.append(one.name),
     )

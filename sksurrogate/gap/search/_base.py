@@ -13,7 +13,7 @@ import numpy as np
 from sksurrogate._parallel._worker_process import WorkerProcess
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.gap.fit._backend import Backend
-from sksurrogate.gap.fit._closeness import FAR_BY_COST
+from sksurrogate.gap.fit._closeness import FAR_BY_COST, MOST_LEFT
 from sksurrogate.gap.fit._evidence import FEW_STEPS, C, Evidence, estimate_noise, evidence_threshold, judged_under
 from sksurrogate.gap.fit._prior import retuning_cost
 from sksurrogate.gap.fit._pushes import REMEMBERED
@@ -146,6 +146,11 @@ class BaseSearch(ABC, Generic[C]):
     def tolerated_cost(self) -> float:
         """Squared error over the noise that the tolerance allows a set to leave of the gap."""
         return self.tolerance**2 * self.gap_cost
+
+    @property
+    def most_left_cost(self) -> float:
+        """Squared error over the noise that names may leave: :data:`MOST_LEFT` of the gap (their certificate), or what is near the data."""
+        return max(MOST_LEFT**2 * self.gap_cost, FAR_BY_COST * self.noise_cost)
 
     @property
     def fitted_null(self) -> Evidence[C]:

@@ -160,13 +160,17 @@ def fewer_with_a_time(one: OdeCandidate, other: OdeCandidate) -> bool:
 def look_for_onsets(search: Expander) -> None:
     """Where what stands leaves something, or takes several names: the best effects in windows of time in its place.
 
-    One effect that is always there and leaves the noise is not asked: no window could earn its price.
+    One effect that is always there and leaves the noise is not asked: no window could earn its price. Nor is one that would leave
+    more than names may, also with others.
     """
     null, final = search.fitted_null, search.standing
     explained = final.left < AT_THE_NOISE
     if null.left < AT_THE_NOISE or (explained and len(final.effects) == 1) or search.first_screen is None:
         return
+    left_by, most = search.first_screen.left_by, search.most_left_cost
     found = confined(search.first_screen, search.problem.record.lengths, search.needed_gain(2))[:MOST_WINDOWED]
+    if left_by[-1] > most:  # other names beside it close too little
+        found = [one for one in found if left_by[0] - one.drop < most]
     if not found:
         return
     search.report("effects that begin or end within the runs")

@@ -78,6 +78,8 @@ class SetSearch(SetMoves[C]):
                 best = self.stand(leading or fewest)
                 if leading is None:
                     break
+            if self.is_far(best) and not self.may_be_named(best):
+                break
             better = self.one_more(best, passed) or (reformed(self, best) if passed else None)
             left_behind[frozenset(best.keys)] = best.fit.cost
             # One set may beat another by likelihood and lose to it by size: a ring, unless it comes back nearer to the data.
@@ -94,6 +96,10 @@ class SetSearch(SetMoves[C]):
         Of a set that closes the gap up to the tolerance further names are named only where they lead to the noise.
         """
         return self.left_beside(best, n) < max(self.tolerance**2 * best.fit.cost, FAR_BY_COST * self.n_values)
+
+    def may_be_named(self, base: C) -> bool:
+        """Whether the screen expects further names beside a base to close as much as names must; else these would fall in the end."""
+        return self.left_beside(base, MOST_EFFECTS - len(base.effects)) < self.most_left_cost
 
     def singles(self, null: C) -> list[C]:
         """The null with one effect; where re-tuning went far, also from nominal parameters, the nearer fit of each kept."""
