@@ -141,6 +141,11 @@ class TermModel:
         """Positions of the states that are the outputs."""
         return self.plant.plain_outputs
 
+    @property
+    def may_jump(self) -> bool:
+        """Whether the map is a plant's own step."""
+        return self.plant.may_jump
+
     def closing_weight(self, sd: np.ndarray) -> np.ndarray:
         """Size to which every state of a free run is closed."""
         return self.plant.closing_weight(sd)
@@ -206,6 +211,9 @@ class BoundTermModel:
         if self.m.plant.inner.plant.access == "step":
             return self.rate(t, x, mean[0])
         return one_sample(self.rate, t, x, mean, half, record.dt, self.m.plant.stiff)
+
+    def run(self, x0: np.ndarray) -> None:
+        """None: the plant itself knows no term."""
 
     def start(self, x0: np.ndarray) -> np.ndarray:
         """Initial states as they are."""

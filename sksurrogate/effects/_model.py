@@ -29,7 +29,7 @@ from sksurrogate.kernels.clock import check_time
 from sksurrogate.kernels.integrate import closing_weight, rk4
 from sksurrogate.kernels.record import Record
 from sksurrogate.kernels.sampling import slopes_so_far
-from sksurrogate.kernels.signals import Signal, hold
+from sksurrogate.kernels.signals import Signal, hold, stacked
 from sksurrogate.physics._model import PlantModel
 
 
@@ -114,7 +114,7 @@ class AugmentedModel:
         if not self.held:
             none = np.zeros((self.n_sub, 0, 1, self.record.n_samples))
             return none, None, none[0]
-        return self.record.of_uncut(*_stacked(self.held))
+        return self.record.of_uncut(*stacked(self.held))
 
     def bind(self, theta: np.ndarray) -> BoundModel:
         """The model at parameter vectors ``theta`` (n_theta, n_columns)."""
@@ -168,6 +168,11 @@ class AugmentedModel:
         if self.record.offset is not None or any(isinstance(effect, SensorEffect) for effect in self.effects):
             return None
         return self.plant.output_states
+
+    @property
+    def may_jump(self) -> bool:
+        """Whether the map is a simulator's own step."""
+        return self.plant.access == "step"
 
     def closing_weight(self, sd: np.ndarray) -> np.ndarray:
         """Size to which every state of a free run is closed."""
@@ -246,7 +251,7 @@ class BoundModel:
             distinct = [row[first, None] for row in self.theta[a.slice_of(i)]]
             own_path = within_runs(timed(effect, record.t), record.whole_starts).transform
             signals[place] = own_path(signals[place], other, distinct, self.h, record.recorded_starts)
-        mean, half, shown = self.record.of_uncut(*_stacked(signals))
+        mean, half, shown = self.record.of_uncut(*stacked(signals))
         if mean.shape[2] > 1:
             column = np.ravel(column)
             mean, half = mean[:, :, column], None if half is None else half[:, :, column]
@@ -267,6 +272,17 @@ class BoundModel:
         if self.record.steps is not None:
             h = (self.record.steps if rows is None else self.record.steps[rows]) / len(mean)
         return rk4(self.derivative, t, x, mean, half, h, clip)
+
+    def run(self, x0: np.ndarray) -> np.ndarray | None:
+        """Free run (n_states, n_samples) from initial states (n_states, n_runs) by the simulator itself.
+
+        None where it offers none, or an effect acts within its steps.
+        """
+        a, record = self.a, self.record
+        if not a.may_jump or self._balances or self._at_ports or a._hidden or self._has_limits or self._drift:
+            return None
+        varied = {name: float(np.ravel(value)[0]) for name, value in self.params_at(0.0).items()}
+        return a.model.march(x0, np.mean(self._mean, axis=0)[:, 0], record.lengths, record.dt, varied)
 
     def entering(self, t: np.ndarray, x: np.ndarray, u: np.ndarray) -> np.ndarray:
         """What enters at the ports: the inputs ``u``, with the laws that act there."""
@@ -401,19 +417,3 @@ class BoundModel:
 def retuned(nominal: float, phi: Any) -> Any:
     """A free parameter: nominal times exp(phi), or phi itself where the nominal value is 0."""
     return phi if nominal == 0 else nominal * np.exp(phi)
-
-
-def _stacked(signals: list[Signal]) -> tuple[np.ndarray, np.ndarray | None, np.ndarray]:
-    """Means and half rises (n_sub, n_inputs, n_columns | 1, n_samples) of signals, values at the samples."""
-    mean, shown = _stack([s.mean for s in signals]), _stack([s.at_samples()[None] for s in signals])[0]
-    if all(s.half is None for s in signals):
-        return mean, None, shown
-    half = _stack([np.zeros_like(s.mean) if s.half is None else s.half for s in signals])
-    return mean, np.broadcast_to(half, mean.shape), shown
-
-
-def _stack(parts: list[np.ndarray]) -> np.ndarray:
-    """(n_sub, n_columns | 1, n_samples) of every input -> (n_sub, n_inputs, n_columns | 1, n_samples)."""
-    if all(part.shape[1] == 1 for part in parts):
-        return np.stack(parts, axis=1)
-    return np.stack(np.broadcast_arrays(*parts), axis=1)

@@ -33,6 +33,9 @@ class BoundFreeRunModel(ObservedStepper, Protocol):
     def __call__(self, x: np.ndarray, rows: np.ndarray | None = None) -> np.ndarray:
         """The states one sample later; with ``rows`` (n_some,), x and the answer hold these samples only."""
 
+    def run(self, x0: np.ndarray) -> np.ndarray | None:
+        """Free run (n_states, n_samples) from initial states (n_states, n_runs) by the simulator itself; None where it offers none."""
+
     def start(self, x0: np.ndarray) -> np.ndarray:
         """All initial states (n_states, n_columns, n_runs) from the nominal ones (n_nominal, n_columns, n_runs)."""
 
@@ -67,6 +70,10 @@ class FreeRunModel(Protocol):
     @property
     def plain_outputs(self) -> tuple[int, ...] | None:
         """Positions of the states that the outputs are; None where ``outputs`` has to be asked."""
+
+    @property
+    def may_jump(self) -> bool:
+        """Whether the map is a simulator's own step, which may jump, so that a free run need not be the limit of corrections."""
 
     def closing_weight(self, sd: np.ndarray) -> np.ndarray:
         """Size (n_states,) to which a free run is closed, with sensors of noise ``sd`` (n_outputs,)."""

@@ -15,10 +15,10 @@ import numpy as np
 
 from sksurrogate.kernels.arrow import Arrow
 from sksurrogate.kernels.banded import recursion_band, solve_recursion
-from sksurrogate.kernels.free_run_model import FreeRunModel
+from sksurrogate.kernels.free_run_model import BoundFreeRunModel, FreeRunModel
 from sksurrogate.kernels.integrate import DIFFERENCE, close
 from sksurrogate.kernels.linearised import Linearised, linearise
-from sksurrogate.kernels.windows import run_in_windows
+from sksurrogate.kernels.windows import run_by_samples, run_in_windows
 
 #: Slopes of a point nearby end a descent only where they promise this share of what would do otherwise.
 _STRICTER = 1e-2
@@ -92,9 +92,10 @@ def settle_hidden(model: FreeRunModel, theta: np.ndarray, x: np.ndarray) -> np.n
 
 
 def free_run(model: FreeRunModel, theta: np.ndarray, x0: np.ndarray) -> np.ndarray:
-    """Free run from initial states (n_states, n_runs), window by window: (n_states, n_samples)."""
-    bound = model.bind(theta[:, None])
-    return run_in_windows(bound, x0, model.record.starts, model.record.lengths, model.scale)
+    """Free run from initial states (n_states, n_runs), by the simulator itself or window by window: (n_states, n_samples)."""
+    bound, record = model.bind(theta[:, None]), model.record
+    own = bound.run(x0)
+    return own if own is not None else run_in_windows(bound, x0, record.starts, record.lengths, model.scale)
 
 
 def run_near(model: FreeRunModel, theta: np.ndarray, near: np.ndarray) -> np.ndarray:
@@ -209,6 +210,7 @@ class _OutputError:
         self.centre = np.zeros(model.n_theta) if centre is None else centre
         self.free = model.free_states if fit_start else np.zeros(model.n_states, bool)
         self.weight = model.closing_weight(sd)
+        self.jumps = False  # whether Newton's method has failed on a map that may jump
 
     def cost(self, y: np.ndarray, theta: np.ndarray) -> float:
         held = np.sum(self.precision * (theta - self.centre) ** 2)
@@ -262,11 +264,28 @@ class _OutputError:
             x = x.copy()
             starts = self.record.starts
             x[np.ix_(known, starts)] = bound.start(x[: self.model.n_nominal, None, starts])[known, 0]
-        x, ok, _ = close(bound, x, self.record.starts, self.weight, 1e-3, band=band)
+        x, ok = self.run_from(bound, x, band)
         if not ok:
             return x, self.record.y, np.inf
         y = bound.outputs(x[:, None])[:, 0]
         return x, y, self.cost(y, theta)
+
+    def run_from(self, bound: BoundFreeRunModel, x: np.ndarray, band: np.ndarray | None) -> tuple[np.ndarray, bool]:
+        """Free run from the first rows of x, and whether there is one: by the simulator itself, else by Newton's method near x.
+
+        A simulator's own steps may jump, as contacts do: where Newton's method has failed once, samples are taken one by one.
+        """
+        record = self.record
+        own, failed = bound.run(x[:, record.starts]), x
+        if own is None and not self.jumps:
+            closed, ok, _ = close(bound, x, record.starts, self.weight, 1e-3, band=band)
+            if ok or not self.model.may_jump:
+                return closed, ok
+            self.jumps, failed = True, closed
+        if own is None:
+            own = run_by_samples(bound, x[:, record.starts], record.starts, record.lengths)
+        ok = bool(np.isfinite(own).all())
+        return own if ok else failed, ok
 
     def opened(self, theta: np.ndarray, x: np.ndarray, most: int) -> _Opened:
         """Open steps until one moves next to nothing: closed steps do the rest."""

@@ -274,3 +274,19 @@ def delay_in_substeps(time: float, h: float, most: int) -> tuple[int, float]:
     whole = max(time, 0.0) / h
     m = int(min(np.floor(whole), most))
     return m, min(whole - m, 1.0) if m < most else 0.0
+
+
+def stacked(signals: list[Signal]) -> tuple[np.ndarray, np.ndarray | None, np.ndarray]:
+    """Means and half rises (n_sub, n_inputs, n_columns | 1, n_samples) of signals, values at the samples."""
+    mean, shown = _stack([s.mean for s in signals]), _stack([s.at_samples()[None] for s in signals])[0]
+    if all(s.half is None for s in signals):
+        return mean, None, shown
+    half = _stack([np.zeros_like(s.mean) if s.half is None else s.half for s in signals])
+    return mean, np.broadcast_to(half, mean.shape), shown
+
+
+def _stack(parts: list[np.ndarray]) -> np.ndarray:
+    """(n_sub, n_columns | 1, n_samples) of every input -> (n_sub, n_inputs, n_columns | 1, n_samples)."""
+    if all(part.shape[1] == 1 for part in parts):
+        return np.stack(parts, axis=1)
+    return np.stack(np.broadcast_arrays(*parts), axis=1)

@@ -78,11 +78,27 @@ def run_in_windows(
         elif width > SHORTEST_WINDOW:
             width = most = max(width // 2, SHORTEST_WINDOW)
         else:
-            for ahead in range(width):
-                going = counts - 1 > ahead
-                rows = first[going] + ahead
-                out[:, rows + 1] = step(out[:, None, rows], rows)[:, 0]
+            _walk(step, out, first, counts, width)
             k, width = k + width, 2 * SHORTEST_WINDOW
+
+
+def run_by_samples(step: RowMap, x0: np.ndarray, starts: np.ndarray, lengths: np.ndarray) -> np.ndarray:
+    """The same free run one sample after the other: of a map that jumps, where Newton's method closes no window.
+
+    >>> run_by_samples(lambda x, rows: np.floor(x / 2), np.array([[9.0]]), np.array([0]), np.array([4]))
+    array([[9., 4., 2., 1.]])
+    """
+    out = np.full((len(x0), int(lengths.sum())), np.nan)
+    out[:, starts] = x0
+    _walk(step, out, starts, lengths, int(lengths.max()) - 1)
+    return out
+
+
+def _walk(step: RowMap, out: np.ndarray, first: np.ndarray, counts: np.ndarray, width: int) -> None:
+    """Fill the rows behind the first ones one by one."""
+    for ahead in range(width):
+        rows = first[counts - 1 > ahead] + ahead
+        out[:, rows + 1] = step(out[:, None, rows], rows)[:, 0]
 
 
 def _window(

@@ -72,6 +72,11 @@ class FitModel:
         """Positions of the states that are the outputs."""
         return self.inner.plant.output_states
 
+    @property
+    def may_jump(self) -> bool:
+        """Whether the map is the plant's own step."""
+        return self.inner.plant.access == "step"
+
     def closing_weight(self, sd: np.ndarray) -> np.ndarray:
         """Size to which every state of a free run is closed."""
         return closing_weight(self.scale, self.record.spread, sd, self.plain_outputs)
@@ -157,6 +162,14 @@ class BoundFitModel:
             return m.inner.derivative_points(now, z, u, params)
 
         return one_sample(derivative, t, x, mean, half, m.record.dt if steps is None else steps, m.stiff)
+
+    def run(self, x0: np.ndarray) -> np.ndarray | None:
+        """Free run (n_states, n_samples) from initial states (n_states, n_runs) by the plant itself; None where it offers none."""
+        m, record = self.m, self.m.record
+        if not m.may_jump:
+            return None
+        varied = dict(zip(m.names, self.theta[:, 0].tolist()))
+        return m.inner.march(x0, record.u, record.lengths, record.dt, varied)
 
     def start(self, x0: np.ndarray) -> np.ndarray:
         """Initial states as they are."""

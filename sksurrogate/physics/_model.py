@@ -131,6 +131,22 @@ class PlantModel:
         assert self._step is not None
         return self._call(self._step, t, x, u, varied, dt)
 
+    def march(
+        self, x0: np.ndarray, u: np.ndarray, lengths: np.ndarray, dt: float, varied: Mapping[str, float]
+    ) -> np.ndarray | None:
+        """Free runs (n_states, n_samples), one behind the other, by steps of the simulator's own; None where it offers no such march.
+
+        ``x0`` (n_states, n_runs), ``u`` (n_inputs, n_samples): held; ``lengths`` (n_runs,).
+        """
+        march = getattr(self.plant.simulator, "march", None)
+        if march is None:
+            return None
+        check_time()
+        ages = np.arange(int(lengths.max()))
+        rows = (np.cumsum(lengths) - lengths)[:, None] + np.minimum(ages, lengths[:, None] - 1)
+        found = march(x0, u[:, rows], {**self.plant.params, **varied}, dt)
+        return None if found is None else found[:, ages < lengths[:, None]]
+
     def output(
         self, t: Any, x: np.ndarray, u: np.ndarray, varied: Mapping[str, np.ndarray] | None = None
     ) -> np.ndarray:

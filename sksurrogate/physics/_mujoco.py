@@ -159,6 +159,11 @@ class MuJoCoSimulator(NamedModel):
         """SI units of joints, ports and time."""
         return joint_units(self._engine().origin)
 
+    def own_bounds(self) -> dict[str, tuple[float, float]]:
+        """Ranges of parameters that cannot be negative: damping, dry friction and armature of joints."""
+        known = self._engine().parameters
+        return {name: (0.0, np.inf) for name in self.params if known[name].not_negative}
+
     # ---- points -----------------------------------------------------------------------------------------------------
     @available_if(_is_markov)
     def rhs(self, t: Any, x: Any, u: Any, p: Mapping[str, Any], forces: Any = None) -> np.ndarray:
@@ -268,6 +273,41 @@ class MuJoCoSimulator(NamedModel):
         X, _, times = self._run(inputs[None], x0, t)
         return X[0], self.rhs(times, X[0].T, inputs.T, self.params).T
 
+    @available_if(_is_markov)
+    def march(self, X0: np.ndarray, U: np.ndarray, p: Mapping[str, float], dt: float) -> np.ndarray | None:
+        """States of runs of equal length under held inputs, by the model's own steps: what :meth:`step` gives, one sample after the other.
+
+        Parameters
+        ----------
+        X0 : ndarray (n_states, n_runs)
+        U : ndarray (n_inputs, n_runs, n_samples)
+        p : dict of float
+            Those that are missing have the model's values.
+        dt : float
+
+        Returns
+        -------
+        ndarray (n_states, n_runs, n_samples) or None
+            nan where a run is not finite; None where ``dt`` is not a multiple of the model's timestep.
+        """
+        engine, (_, n_runs, n_samples) = self._engine(), U.shape
+        ratio = round(dt / engine.timestep)
+        if ratio < 1 or abs(dt - ratio * engine.timestep) > 1e-6 * dt:
+            return None
+        if not np.isfinite(U).all():
+            return np.full((len(X0), n_runs, n_samples), np.nan)
+        rows = ratio * np.arange(n_samples)
+        X, _ = engine.runs(0.0, X0.T, self._held(U.transpose(1, 2, 0), np.diff(rows)), p, rows)
+        return X.transpose(2, 0, 1)
+
+    def _held(self, U: np.ndarray, counts: np.ndarray) -> np.ndarray:
+        """What enters at every step (n_runs, n_steps + 1, n_controls + n_ports) of inputs held for some steps, the last for one."""
+        layout = self._engine().layout
+        entries = (*layout.controls, *layout.ports)
+        out = np.zeros((len(U), int(counts.sum()) + 1, len(entries)))
+        out[:, :, [entries.index(name) for name in self.inputs]] = np.repeat(U, np.append(counts, 1), axis=1)
+        return out
+
     def _run(self, U: np.ndarray, X0: Any, t: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """States (n_runs, n_samples, n_states), sensor components (n_runs, n_samples, n_components), times."""
         engine, names = self._engine(), self.inputs
@@ -284,16 +324,13 @@ class MuJoCoSimulator(NamedModel):
             raise SimulatorError(f"t has shape {times.shape}, expected ({U.shape[1]},): one time for each row of U.")
         start = self.x0 if X0 is None else self._checked_x0(np.asarray(X0, dtype=float), engine)
         counts = whole_steps(np.diff(times), engine.timestep, "rows of t are apart by")
-        layout = engine.layout
-        entries = (*layout.controls, *layout.ports)
         try:
-            controls = np.zeros((len(U), int(counts.sum()) + 1, len(entries)))
+            controls = self._held(U, counts)
         except MemoryError as error:
             raise SimulatorError(
                 f"the rows are {float(np.max(np.diff(times))):g} s apart, so that a run takes {int(counts.sum())} steps of the model's timestep "
                 f"{engine.timestep:g} s, which memory does not hold: is the time in seconds?"
             ) from error
-        controls[:, :, [entries.index(name) for name in names]] = np.repeat(U, np.append(counts, 1), axis=1)
         rows = np.concatenate([[0], np.cumsum(counts)])
         if np.shape(start) not in ((engine.n_states,), (1, engine.n_states), (len(U), engine.n_states)):
             raise SimulatorError(
@@ -301,7 +338,7 @@ class MuJoCoSimulator(NamedModel):
             )
         X0 = np.broadcast_to(start, (len(U), engine.n_states))
         X, read = engine.runs(float(times[0]), X0, controls, self.params, rows)
-        raise_if_diverged(X, times, layout.states, remedy=engine.refusal(self.params) or AFTER_DIVERGING)
+        raise_if_diverged(X, times, engine.layout.states, remedy=engine.refusal(self.params) or AFTER_DIVERGING)
         return X, read, times
 
     # ---- back to MuJoCo ---------------------------------------------------------------------------------------------

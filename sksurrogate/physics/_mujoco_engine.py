@@ -284,7 +284,8 @@ class _Copies:
         self.most = int(np.clip(_MOST_BYTES // max(1, first.nbuffer), 1, _MOST_COPIES))
         self._models: list[Any] = []
         self._values: list[dict[str, float]] = []
-        self._scratch = require("mujoco", "mujoco").MjData(first)
+        mujoco = require("mujoco", "mujoco")
+        self._scratch, self._set_const = mujoco.MjData(first), mujoco.mj_setConst
 
     def get(self, k: int, values: dict[str, float], timestep: float | None) -> Any:
         """Copy k with these parameters in place of the model's own."""
@@ -296,7 +297,7 @@ class _Copies:
             known, origin = self.engine.parameters, self.engine.origin
             own = {name: known[name].value for name in self._values[k] if name not in values}
             assign(model, origin, known, {**own, **values})
-            require("mujoco", "mujoco").mj_setConst(model, self._scratch)
+            self._set_const(model, self._scratch)
             self._values[k] = dict(values)
         model.opt.timestep = self.engine.timestep if timestep is None else timestep
         return model

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from sksurrogate.exceptions import require
+
+#: MuJoCo's ``mjSAMEFRAME_NONE``: an element with a frame of its own.
+NO_FRAME = 0
 
 
 def tip_of(model: Any, body: int) -> np.ndarray | None:
@@ -51,29 +55,49 @@ def _of_point(r: np.ndarray) -> np.ndarray:
     return np.asarray(r @ r * np.eye(3) - np.outer(r, r))
 
 
-def weigh(model: Any, origin: Any, body: int, mass: float, load: float) -> None:
-    """Give a body a mass and a load at its tip.
+@dataclass(frozen=True, eq=False)
+class Weight:
+    """What a mass and a load change in a model, looked up once: a fit writes them for every point."""
 
-    Another mass is the same shape of another density: the inertia goes with it.
+    body: int
+    mass: float
+    centre: np.ndarray
+    turn: np.ndarray  #: Quaternion of the axes of the inertia
+    inertia: np.ndarray  #: About these axes, (3,)
+    tip: np.ndarray | None  #: Where the load is
+    #: Whether MuJoCo places the body, its geoms and sites by the frame of its inertia, which a load moves: (array, rows, values of
+    #: the model)
+    framed: tuple[tuple[str, np.ndarray, np.ndarray], ...]
 
-    ``model``: written.
-    ``origin``: the model as it was read.
-    """
-    centre, turn = origin.body_ipos[body], origin.body_iquat[body]
-    inertia, tip = origin.body_inertia[body] * (mass / origin.body_mass[body]), tip_of(origin, body)
-    if load and tip is not None:
-        axes = _matrix(turn)
-        centre, whole = loaded(mass, centre, axes @ np.diag(inertia) @ axes.T, load, tip)
-        inertia, axes = np.linalg.eigh(whole)
-        turn = _quaternion(axes * np.linalg.det(axes))
-    model.body_mass[body] = mass + load
-    model.body_ipos[body], model.body_iquat[body], model.body_inertia[body] = centre, turn, inertia
-    same = require("mujoco", "mujoco").mjtSameFrame
-    model.body_sameframe[body] = int(same.mjSAMEFRAME_NONE) if load else origin.body_sameframe[body]
-    for kind in ("geom", "site"):  # no longer placed by a frame that has moved
-        own, given = getattr(origin, f"{kind}_bodyid") == body, getattr(origin, f"{kind}_sameframe")
-        by_inertia = np.isin(given, [int(same.mjSAMEFRAME_INERTIA), int(same.mjSAMEFRAME_INERTIAROT)])
-        getattr(model, f"{kind}_sameframe")[own] = np.where(load and by_inertia, int(same.mjSAMEFRAME_NONE), given)[own]
+    @classmethod
+    def of(cls, model: Any, body: int) -> Weight:
+        """Of a model as it was read."""
+        same = require("mujoco", "mujoco").mjtSameFrame
+        by_inertia = [int(same.mjSAMEFRAME_INERTIA), int(same.mjSAMEFRAME_INERTIAROT)]
+        framed = [("body_sameframe", np.array([body]))]
+        for kind in ("geom", "site"):
+            own = getattr(model, f"{kind}_bodyid") == body
+            framed.append(
+                (f"{kind}_sameframe", np.flatnonzero(own & np.isin(getattr(model, f"{kind}_sameframe"), by_inertia)))
+            )
+        frames = tuple((name, rows, getattr(model, name)[rows].copy()) for name, rows in framed if len(rows))
+        centre, turn = np.array(model.body_ipos[body]), np.array(model.body_iquat[body])
+        inertia, tip = np.array(model.body_inertia[body]), tip_of(model, body)
+        return cls(body, float(model.body_mass[body]), centre, turn, inertia, tip, frames)
+
+    def write(self, model: Any, mass: float, load: float) -> None:
+        """Give the body of a model a mass and a load; another mass is the same shape of another density, its inertia goes with it."""
+        centre, turn, inertia = self.centre, self.turn, self.inertia * (mass / self.mass)
+        if load and self.tip is not None:
+            axes = _matrix(turn)
+            centre, whole = loaded(mass, centre, axes @ np.diag(inertia) @ axes.T, load, self.tip)
+            inertia, axes = np.linalg.eigh(whole)
+            turn = _quaternion(axes * np.linalg.det(axes))
+        body = self.body
+        model.body_mass[body] = mass + load
+        model.body_ipos[body], model.body_iquat[body], model.body_inertia[body] = centre, turn, inertia
+        for name, rows, given in self.framed:
+            getattr(model, name)[rows] = NO_FRAME if load else given
 
 
 def _matrix(quaternion: np.ndarray) -> np.ndarray:

@@ -10,10 +10,12 @@ import numpy as np
 
 from sksurrogate.exceptions import require
 from sksurrogate.physics._mujoco_layout import name_of
-from sksurrogate.physics._mujoco_load import tip_of, weigh
+from sksurrogate.physics._mujoco_load import Weight
 
 #: Friction of a geom: its three columns.
 _FRICTION = ("friction", "torsional_friction", "rolling_friction")
+#: Quantities of a joint below 0 of which it would make energy, or mass, of nothing.
+_NOT_NEGATIVE = ("damping", "frictionloss", "armature")
 
 
 @dataclass(frozen=True)
@@ -29,16 +31,24 @@ class ModelParameter:
         Last part of the name.
     value : float
         The model's own.
+    weight : Weight or None
+        Of a body.
     """
 
     element: str
     index: int
     quantity: str
     value: float
+    weight: Weight | None = None
 
     def admits(self, value: Any) -> Any:
         """Whether a model can have this value (elementwise)."""
         return np.isfinite(value) & ((np.asarray(value) > 0) | (self.quantity != "mass"))
+
+    @property
+    def not_negative(self) -> bool:
+        """Whether a value below 0 has no meaning, though a model takes it; one that the model has itself is left to it."""
+        return self.quantity in _NOT_NEGATIVE and self.value >= 0.0
 
     @property
     def domain(self) -> str:
@@ -48,14 +58,15 @@ class ModelParameter:
 
 def read_parameters(model: Any) -> dict[str, ModelParameter]:
     """Everything that can be re-tuned, by name."""
-    found: list[tuple[str, int, str, float]] = []
+    found: list[tuple[Any, ...]] = []
     for i, dof in enumerate(model.jnt_dofadr):
         found += [("joint", i, name, float(getattr(model, f"dof_{name}")[dof])) for name in ("damping", "frictionloss", "armature")]  # fmt: skip
         found.append(("joint", i, "stiffness", float(model.jnt_stiffness[i])))
     for i in range(1, model.nbody):
         if model.body_mass[i] > 0:
-            found.append(("body", i, "mass", float(model.body_mass[i])))
-            found += [("body", i, "load", 0.0)] if tip_of(model, i) is not None else []
+            weight = Weight.of(model, i)
+            found.append(("body", i, "mass", weight.mass, weight))
+            found += [("body", i, "load", 0.0, weight)] if weight.tip is not None else []
     for i in range(len(model.actuator_trntype)):
         found += [("actuator", i, *item) for item in _of_actuator(model, i)]
     touching = colliding(model)
@@ -63,8 +74,8 @@ def read_parameters(model: Any) -> dict[str, ModelParameter]:
         if touching[i]:
             found += [("geom", i, name, float(model.geom_friction[i, k])) for k, name in enumerate(_FRICTION)]
     out: dict[str, ModelParameter] = {}
-    for element, i, quantity, value in found:
-        out.setdefault(f"{name_of(model, element, i)}.{quantity}", ModelParameter(element, i, quantity, value))
+    for element, i, quantity, *own in found:
+        out.setdefault(f"{name_of(model, element, i)}.{quantity}", ModelParameter(element, i, quantity, *own))
     return out
 
 
@@ -111,7 +122,7 @@ def assign(model: Any, origin: Any, parameters: Mapping[str, ModelParameter], va
     ``origin``: the model as it was read.
     ``parameters``: those of ``origin``.
     """
-    bodies: dict[int, dict[str, float]] = {}
+    bodies: dict[Weight, dict[str, float]] = {}
     for name, value in values.items():
         one = parameters[name]
         i = one.index
@@ -120,8 +131,8 @@ def assign(model: Any, origin: Any, parameters: Mapping[str, ModelParameter], va
                 model.jnt_stiffness[i] = value
             else:
                 getattr(model, f"dof_{one.quantity}")[model.dof_jntid == i] = value
-        elif one.element == "body":
-            bodies.setdefault(i, {})[one.quantity] = value
+        elif one.weight is not None:
+            bodies.setdefault(one.weight, {})[one.quantity] = value
         elif one.element == "geom":
             model.geom_friction[i, _FRICTION.index(one.quantity)] = value
         elif one.quantity == "gear":
@@ -132,5 +143,5 @@ def assign(model: Any, origin: Any, parameters: Mapping[str, ModelParameter], va
             model.actuator_biasprm[i, 2] = -value
             if origin.actuator_gainprm[i, 0] == -origin.actuator_biasprm[i, 2] and origin.actuator_biasprm[i, 1] == 0:
                 model.actuator_gainprm[i, 0] = value
-    for i, given in bodies.items():
-        weigh(model, origin, i, given.get("mass", float(origin.body_mass[i])), given.get("load", 0.0))
+    for weight, given in bodies.items():
+        weight.write(model, given.get("mass", weight.mass), given.get("load", 0.0))
