@@ -25,7 +25,7 @@ from sksurrogate.gap.fit._known_parameters import KnownParameters
 from sksurrogate.gap.render._report import GapReport
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics._asked import asked_bounds, asked_priors
-from sksurrogate.physics._simulator import describe, recorded
+from sksurrogate.physics._simulator import Plant, bounds_of, describe, recorded
 from sksurrogate.runs import resolve_runs
 
 
@@ -52,7 +52,8 @@ class GapDiagnoser(BaseEstimator):
         is not mistaken for a missing effect. None: no parameter.
     bounds : dict of (low, high), optional
         Limits of parameters of the simulator, by name, in their units; None leaves a side open. They hold in every fit: for
-        free parameters, and for ``parameter_error`` as a candidate.
+        free parameters, and for ``parameter_error`` as a candidate. By default those that the simulator knows: damping, dry
+        friction and armature of a MuJoCo model are not negative.
     priors : dict, optional
         Expected values, by name: ``{"k": 0.05}`` is a relative standard deviation of 5 % around the simulator's value,
         ``{"k": (2.0, 0.1)}`` a mean and a standard deviation in the unit of k. A parameter keeps its sign: the prior is
@@ -229,7 +230,7 @@ class GapDiagnoser(BaseEstimator):
         plant = recorded(plant, [run.X for run in runs])
         free = _free(self.free_params, plant.params)
         _refuse_still([run.y for run in runs], plant.outputs)
-        user_knows = _known(self.bounds, self.priors, plant.params)
+        user_knows = _known(self.bounds, self.priors, plant)
         offsets, uneven, first_parts = None, False, np.arange(len(runs))
         if self.time is not None and plant.access == "rhs":
             runs, uneven, first_parts = with_rows_in_gaps(runs, plant.dt, plant.hold, self.time)
@@ -292,11 +293,12 @@ def _refuse_still(Y: Sequence[np.ndarray], names: Sequence[str]) -> None:
             )
 
 
-def _known(bounds: Any, priors: Any, params: Mapping[str, float]) -> KnownParameters:
-    """What the user knows of the parameters, checked."""
-    names = list(params)
+def _known(bounds: Any, priors: Any, plant: Plant) -> KnownParameters:
+    """What the user knows of the parameters, checked; ranges that the simulator knows where the user gives none."""
+    params, names = plant.params, list(plant.params)
     low, high = asked_bounds(bounds, names, "is not a parameter of the simulator")
     limits = {name: (float(a), float(b)) for name, a, b in zip(names, low, high) if np.isfinite(a) or np.isfinite(b)}
+    limits = {**bounds_of(plant.simulator), **limits}
     known = KnownParameters(limits, asked_priors(priors, params, "is not a parameter of the simulator"))
     known.check(params)
     return known

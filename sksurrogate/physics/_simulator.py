@@ -266,4 +266,9 @@ def units_of(simulator: Any) -> dict[str, str]:
     return {name: str(unit) for name, unit in {**own, **given}.items()}
 
 
+def bounds_of(simulator: Any) -> dict[str, tuple[float, float]]:
+    """Ranges outside of which parameters have no meaning, as far as a simulator knows them (those of a MuJoCo model)."""
+    return dict(simulator.own_bounds()) if callable(getattr(simulator, "own_bounds", None)) else {}
+
+
 Rhs = Callable[[Any, np.ndarray, np.ndarray, Mapping[str, Any]], Any]

@@ -3,7 +3,10 @@
 import numpy as np
 import pytest
 
+from sksurrogate.effects import CATALOGUE
+from sksurrogate.gap._diagnose import _known
 from sksurrogate.physics import MuJoCoSimulator
+from sksurrogate.physics._simulator import describe
 
 mujoco = pytest.importorskip("mujoco")
 
@@ -59,3 +62,21 @@ def test_bodies_that_carry_others_and_those_whose_tip_is_their_origin_have_no_lo
         '<mujoco><worldbody><body name="ball"><freejoint name="free"/><geom size="0.1" mass="1"/></body></worldbody></mujoco>'
     )
     assert not [name for name in ball.params if name.endswith(".load")]
+
+
+def test_damping_friction_and_armature_are_fitted_within_what_they_can_be():
+    names = ["elbow.damping", "elbow.frictionloss", "elbow.armature", "lower.load"]
+    small = MuJoCoSimulator(ARM.format(""), outputs=OUTPUTS[:2], params=names, dt=0.01)
+    assert small.own_bounds() == dict.fromkeys(names[:3], (0.0, np.inf))
+    known = _known({"elbow.armature": (-1.0, 1.0)}, None, plant := describe(small))  # what the user says goes before
+    errors = [CATALOGUE["parameter_error"](name) for name in names]
+    low, high = known.bounds_of(plant.params, errors, names, 1.0)
+    assert low[:4].tolist() == [-1.0, 0.0, -1.0, -np.inf]  # relative where the model has a value
+    assert low[5:].tolist() == [0.0, -1.0, -np.inf] and high[4 + 1] == np.inf
+
+
+def test_a_model_with_a_negative_damping_of_its_own_keeps_it():
+    driven = MuJoCoSimulator(
+        ARM.replace('damping="0.1"', 'damping="-0.1"').format(""), params=["elbow.damping"], dt=0.01
+    )
+    assert driven.own_bounds() == {}

@@ -51,7 +51,7 @@ def retuned_table(
                 "low": first,
                 "high": last,
                 "moved": not first <= nominal <= last,
-                "at_bound": bool(at_bound),
+                "at_bound": bool(at_bound and value != 0.0),  # what stayed nothing did not end there
             }
         )
     return Table(tuple(rows))
