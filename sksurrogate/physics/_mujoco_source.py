@@ -26,13 +26,16 @@ def identity(model: Any) -> tuple[Any, ...]:
     """What tells one source from another; where a file has changed, or one that it includes, it is another one."""
     if not isinstance(model, (str, os.PathLike)):
         return ("model", _Same(model))
-    path = Path(os.fspath(model)).absolute()
-    if not (is_text(model) or path.is_file()):
-        raise SimulatorError(
-            f"model={os.fspath(model)!r}: there is no such file; give the path of an MJCF or URDF file, XML text "
-            "(it starts with '<'), or a mujoco.MjModel."
-        )
-    source = ("text", str(model)) if is_text(model) else ("file", str(path))
+    if is_text(model):  # no path is made of a text: every question asks for it
+        source = ("text", str(model))
+    else:
+        path = Path(os.fspath(model)).absolute()
+        if not path.is_file():
+            raise SimulatorError(
+                f"model={os.fspath(model)!r}: there is no such file; give the path of an MJCF or URDF file, XML text "
+                "(it starts with '<'), or a mujoco.MjModel."
+            )
+        source = ("file", str(path))
     key = (source[1], os.getcwd())
     files, known = _SEEN.get(key, ([], None))
     stamps = tuple(map(_stamp, files))
