@@ -23,7 +23,7 @@ from sksurrogate.effects._limit import in_force
 from sksurrogate.effects._onset import Starting, edges_of, timed
 from sksurrogate.effects._parameter import constant_in_time
 from sksurrogate.effects._readings import read_sensors
-from sksurrogate.effects._whole_step import held_for, whole_step
+from sksurrogate.effects._whole_step import held_for, own_run, whole_step
 from sksurrogate.effects._wires import entering, factors, kink_width, wire_of
 from sksurrogate.kernels.clock import check_time
 from sksurrogate.kernels.integrate import closing_weight, rk4
@@ -278,11 +278,8 @@ class BoundModel:
 
         None where it offers none, or an effect acts within its steps.
         """
-        a, record = self.a, self.record
-        if not a.may_jump or self._balances or self._at_ports or a._hidden or self._has_limits or self._drift:
-            return None
-        varied = {name: float(np.ravel(value)[0]) for name, value in self.params_at(0.0).items()}
-        return a.model.march(x0, np.mean(self._mean, axis=0)[:, 0], record.lengths, record.dt, varied)
+        within = self._balances or self.a._hidden or self._has_limits or self._drift
+        return None if within or not self.a.may_jump else own_run(self, x0, self._mean, bool(self._at_ports))
 
     def entering(self, t: np.ndarray, x: np.ndarray, u: np.ndarray) -> np.ndarray:
         """What enters at the ports: the inputs ``u``, with the laws that act there."""

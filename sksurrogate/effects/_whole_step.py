@@ -67,6 +67,25 @@ def whole_step(
     return x if drift is None else _kick(bound, t + dt, x, mean[-1], dt / 2, drift)
 
 
+def own_run(bound: Effects, x0: np.ndarray, mean: np.ndarray, has_ports: bool) -> np.ndarray | None:
+    """Free run (n_states, n_samples) from initial states (n_states, n_runs) by the simulator itself; None where it offers none.
+
+    Effects are constant parameters, inputs and laws at ports.
+
+    ``mean`` (n_sub, n_inputs, 1, n_samples).
+    """
+    a, record, u = bound.a, bound.a.record, np.mean(mean, axis=0)
+    varied = {name: float(np.ravel(value)[0]) for name, value in bound.params_at(record.t, x0, u).items()}
+
+    def enters(rows: np.ndarray, after: float, x: np.ndarray) -> np.ndarray:
+        return bound.entering(record.t[rows] + after, x[:, None], u[..., rows])[:, 0]
+
+    run: np.ndarray | None = a.model.march(
+        x0, u[:, 0], record.lengths, record.dt, varied, enters if has_ports else None
+    )
+    return run
+
+
 def _drift(bound: Effects, t: np.ndarray, x: np.ndarray, u: np.ndarray, h: float, varied: Any) -> np.ndarray:
     """What the simulator itself adds to dx/dt; needed by hidden states, which follow dv/dt."""
     a, n = bound.a, bound.a.n_nominal

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -13,7 +13,7 @@ import numpy as np
 from sksurrogate.kernels.clock import check_time
 from sksurrogate.physics._forces import check_forces, wired
 from sksurrogate.physics._rhs import PointwiseFunction, locked
-from sksurrogate.physics._simulator import Plant
+from sksurrogate.physics._simulator import Plant, offered_ports
 
 
 class PlantModel:
@@ -132,19 +132,27 @@ class PlantModel:
         return self._call(self._step, t, x, u, varied, dt)
 
     def march(
-        self, x0: np.ndarray, u: np.ndarray, lengths: np.ndarray, dt: float, varied: Mapping[str, float]
+        self,
+        x0: np.ndarray,
+        u: np.ndarray,
+        lengths: np.ndarray,
+        dt: float,
+        varied: Mapping[str, float],
+        entering: Callable[[np.ndarray, float, np.ndarray], np.ndarray] | None = None,
     ) -> np.ndarray | None:
         """Free runs (n_states, n_samples), one behind the other, by steps of the simulator's own; None where it offers no such march.
 
         ``x0`` (n_states, n_runs), ``u`` (n_inputs, n_samples): held; ``lengths`` (n_runs,).
+        ``entering(rows, after, x)``: what enters at the ports a time ``after`` these rows, one of each run; u by default.
         """
         march = getattr(self.plant.simulator, "march", None)
-        if march is None:
+        if march is None or (entering is not None and self.plant.further_ports != offered_ports(self.plant.simulator)):
             return None
         check_time()
         ages = np.arange(int(lengths.max()))
         rows = (np.cumsum(lengths) - lengths)[:, None] + np.minimum(ages, lengths[:, None] - 1)
-        found = march(x0, u[:, rows], {**self.plant.params, **varied}, dt)
+        own = None if entering is None else lambda k, after, x: entering(rows[:, k], after, x)
+        found = march(x0, u[:, rows], {**self.plant.params, **varied}, dt, own)
         return None if found is None else found[:, ages < lengths[:, None]]
 
     def output(

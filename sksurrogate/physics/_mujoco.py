@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,7 @@ from sksurrogate.exceptions import SimulatorError
 from sksurrogate.physics._free_run import raise_if_diverged
 from sksurrogate.physics._mujoco_effects import as_parameters
 from sksurrogate.physics._mujoco_engine import Points
+from sksurrogate.physics._mujoco_march import held_inputs, run_in_steps
 from sksurrogate.physics._mujoco_patch import patched
 from sksurrogate.physics._mujoco_read import NamedModel, whole_steps
 from sksurrogate.physics._mujoco_units import joint_units
@@ -274,7 +275,14 @@ class MuJoCoSimulator(NamedModel):
         return X[0], self.rhs(times, X[0].T, inputs.T, self.params).T
 
     @available_if(_is_markov)
-    def march(self, X0: np.ndarray, U: np.ndarray, p: Mapping[str, float], dt: float) -> np.ndarray | None:
+    def march(
+        self,
+        X0: np.ndarray,
+        U: np.ndarray,
+        p: Mapping[str, float],
+        dt: float,
+        entering: Callable[[int, float, np.ndarray], np.ndarray] | None = None,
+    ) -> np.ndarray | None:
         """States of runs of equal length under held inputs, by the model's own steps: what :meth:`step` gives, one sample after the other.
 
         Parameters
@@ -284,29 +292,27 @@ class MuJoCoSimulator(NamedModel):
         p : dict of float
             Those that are missing have the model's values.
         dt : float
+        entering : callable, optional
+            ``entering(k, after, x)``: what enters at the inputs, then at the ports, (n_some, n_runs), in the step that begins a time
+            ``after`` sample k, at states x (n_states, n_runs); the inputs by default.
 
         Returns
         -------
         ndarray (n_states, n_runs, n_samples) or None
             nan where a run is not finite; None where ``dt`` is not a multiple of the model's timestep.
         """
-        engine, (_, n_runs, n_samples) = self._engine(), U.shape
+        engine = self._engine()
         ratio = round(dt / engine.timestep)
         if ratio < 1 or abs(dt - ratio * engine.timestep) > 1e-6 * dt:
             return None
         if not np.isfinite(U).all():
-            return np.full((len(X0), n_runs, n_samples), np.nan)
-        rows = ratio * np.arange(n_samples)
-        X, _ = engine.runs(0.0, X0.T, self._held(U.transpose(1, 2, 0), np.diff(rows)), p, rows)
-        return X.transpose(2, 0, 1)
-
-    def _held(self, U: np.ndarray, counts: np.ndarray) -> np.ndarray:
-        """What enters at every step (n_runs, n_steps + 1, n_controls + n_ports) of inputs held for some steps, the last for one."""
-        layout = self._engine().layout
-        entries = (*layout.controls, *layout.ports)
-        out = np.zeros((len(U), int(counts.sum()) + 1, len(entries)))
-        out[:, :, [entries.index(name) for name in self.inputs]] = np.repeat(U, np.append(counts, 1), axis=1)
-        return out
+            return np.full((len(X0), *U.shape[1:]), np.nan)
+        names = [*self.inputs, *self.ports]
+        if entering is not None:
+            return run_in_steps(engine, names, X0, U.shape[2], ratio, p, entering)
+        rows = ratio * np.arange(U.shape[2])
+        held = held_inputs(engine.layout, self.inputs, U.transpose(1, 2, 0), np.diff(rows))
+        return engine.runs(0.0, X0.T, held, p, rows)[0].transpose(2, 0, 1)
 
     def _run(self, U: np.ndarray, X0: Any, t: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """States (n_runs, n_samples, n_states), sensor components (n_runs, n_samples, n_components), times."""
@@ -325,7 +331,7 @@ class MuJoCoSimulator(NamedModel):
         start = self.x0 if X0 is None else self._checked_x0(np.asarray(X0, dtype=float), engine)
         counts = whole_steps(np.diff(times), engine.timestep, "rows of t are apart by")
         try:
-            controls = self._held(U, counts)
+            controls = held_inputs(engine.layout, names, U, counts)
         except MemoryError as error:
             raise SimulatorError(
                 f"the rows are {float(np.max(np.diff(times))):g} s apart, so that a run takes {int(counts.sum())} steps of the model's timestep "

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
@@ -257,6 +257,26 @@ class Engine:
                 states[some, 1:] = full[:, rows[1:] - 1, 1 : 1 + self.n_states]
                 sensors[some] = read[:, rows]
         return states, sensors
+
+    def stepper(self, p: Mapping[str, float]) -> Callable[[Any, np.ndarray, np.ndarray], np.ndarray]:
+        """The model's own step with parameters that stay, for a loop over time: nothing is looked up at every step.
+
+        It takes times, states (n_states, n_runs) and what enters (n_controls + n_ports, n_runs), and gives the states one step later;
+        nan where the model cannot have the parameters.
+        """
+        found = list(self._with_parameters("step", p, np.ones(1, dtype=bool), None))
+        start: np.ndarray | None = None
+
+        def step(t: Any, x: np.ndarray, control: np.ndarray) -> np.ndarray:
+            nonlocal start
+            if not found:
+                return np.full_like(x, np.nan)
+            start = np.tile(self.rest, (x.shape[1], 1)) if start is None else start
+            start[:, 0], start[:, 1 : 1 + self.n_states] = t, x.T
+            full, _ = self._rollout(found[0][0], start, control.T[:, None], None)
+            return full[:, 0, 1 : 1 + self.n_states].T
+
+        return step
 
     def _rollout(
         self, models: list[Any], start: np.ndarray, control: np.ndarray, timestep: float | None

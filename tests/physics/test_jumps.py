@@ -78,21 +78,24 @@ def leg(effects, theta):
     return model.bind(np.array(theta)[:, None]), record, np.tile(simulator.x0[:, None], 2)
 
 
-def test_a_run_by_the_model_itself_is_its_steps_one_after_the_other():
-    effects = [CATALOGUE["parameter_error"]("hip.gear"), CATALOGUE["input_dead_zone"]("hip")]
-    bound, record, x0 = leg(effects, [0.2, 0.1])
+STRIBECK = CATALOGUE["stribeck_friction"]("hip.force", "hip.vel")
+
+
+@pytest.mark.parametrize("effects, values", [([], []), ([STRIBECK], [0.1, 0.2, 0.3])], ids=["free", "law at a joint"])
+def test_a_run_by_the_model_itself_is_its_steps_one_after_the_other(effects, values):
+    effects = [CATALOGUE["parameter_error"]("hip.gear"), CATALOGUE["input_dead_zone"]("hip"), *effects]
+    bound, record, x0 = leg(effects, [0.2, 0.1, *values])
     own, steps = bound.run(x0), run_by_samples(bound, x0, record.starts, record.lengths)
     assert np.abs(own[0]).max() > 1e-3  # the leg has moved on the ground
     assert np.allclose(own, steps, rtol=0.0, atol=1e-11)
 
 
-@pytest.mark.parametrize(
-    "effect, values",
-    [
-        (CATALOGUE["stribeck_friction"]("hip.force", "hip.vel"), [0.1, 0.2, 0.3]),
-        (CATALOGUE["parameter_drift"]("hip.gear"), [0.1]),
-    ],
-)
-def test_it_does_not_run_by_itself_where_an_effect_acts_within_its_steps(effect, values):
-    bound, _, x0 = leg([effect], values)
+def test_runs_that_leave_the_numbers_are_nan():
+    bound, _, x0 = leg([STRIBECK], [0.1, 0.2, 0.3])
+    own = bound.run(np.where(np.arange(4)[:, None] == 3, np.nan, x0))
+    assert np.isnan(own[:, [1, -1]]).all()
+
+
+def test_it_does_not_run_by_itself_where_parameters_drift():
+    bound, _, x0 = leg([CATALOGUE["parameter_drift"]("hip.gear")], [0.1])
     assert bound.run(x0) is None
