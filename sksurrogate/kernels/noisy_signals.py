@@ -14,7 +14,8 @@ def held_levels(u: np.ndarray) -> np.ndarray:
 
     Optimal partitioning by dynamic programming, pruned (Killick, Fearnhead and Eckley 2012). The price is Schwarz's for
     a level and its place. The noise comes from the median of the differences, which levels that change at fewer than half of
-    the samples do not reach.
+    the samples do not reach. Levels that change with one period have no places of their own: where that is likelier, also
+    those that differ by less than the price of a place are kept apart.
 
     Parameters
     ----------
@@ -38,7 +39,36 @@ def held_levels(u: np.ndarray) -> np.ndarray:
     first = _levels(u, sd)
     # The median is off by a tenth for a hundred samples; what the levels leave is not.
     sd = float(np.sqrt(np.sum((u - first) ** 2) / max(len(u) - 2 * len(np.unique(first)), 1)))
-    return _levels(u, sd) if sd > 0.0 else first
+    if sd == 0.0:
+        return first
+    free = _levels(u, sd)
+    sizes = np.diff(np.r_[0, np.flatnonzero(np.diff(free)) + 1, len(u)])
+    price = float(np.sum(((u - free) / sd) ** 2)) + 2.0 * len(sizes) * np.log(len(u))
+    found = [(price, free), *(_periodic_levels(u, sd, period) for period in np.unique(sizes[sizes > 1]))]
+    return min(found, key=lambda one: one[0])[1]
+
+
+def _periodic_levels(u: np.ndarray, sd: float, period: int) -> tuple[float, np.ndarray]:
+    """Levels that change every so many rows, first where that is likeliest, and their misfit with its price.
+
+    The price is ``ln n`` a level, and as much for the period and for its place.
+
+    >>> price, levels = _periodic_levels(np.array([5.0, 1.0, 3.0, 0.0, 0.0, 7.0]), 1.0, 2)
+    >>> levels.round(9) + 0.0
+    array([5., 2., 2., 0., 0., 7.])
+    """
+    n, z, begin = len(u), (u - u.mean()) / sd, np.arange(period)
+    total = np.r_[0.0, np.cumsum(z)]
+    whole = (n - begin) // period  # levels that are not cut off by an end of the signal
+    end = begin + period * whole
+    explained = (
+        np.bincount(np.arange(n - period + 1) % period, (total[period:] - total[:-period]) ** 2, period) / period
+    )
+    explained += total[begin] ** 2 / np.maximum(begin, 1) + (total[n] - total[end]) ** 2 / np.maximum(n - end, 1)
+    price = (2 + whole + (begin > 0) + (end < n)) * np.log(n) - explained
+    edges = np.unique(np.r_[0, np.arange(np.argmin(price), n, period), n])
+    levels = u.mean() + sd * np.diff(total[edges]) / np.diff(edges)
+    return float(np.min(price) + np.sum(z**2)), np.repeat(levels, np.diff(edges))
 
 
 def _levels(u: np.ndarray, sd: float) -> np.ndarray:
