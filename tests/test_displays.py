@@ -30,6 +30,14 @@ def test_the_free_run_drawn_is_the_one_predicted(fitted):
         FreeRunDisplay.from_estimator(model, X, y, groups=groups, ax=display.ax_[0, 0])
 
 
+def test_one_row_behind_the_initial_ones_is_drawn_and_none_is_refused(fitted):
+    model, X, y, _ = fitted
+    drawn = FreeRunDisplay.from_estimator(model, X[:3], y[:3])
+    assert len(drawn.ax_[0, 0].lines[1].get_ydata()) == 3
+    with pytest.raises(DataError, match="3"):
+        FreeRunDisplay.from_estimator(model, X[:2], y[:2])
+
+
 def test_the_residual_drawn_is_the_one_tested(fitted):
     model, X, y, groups = fitted
     display = ResidualDisplay.from_estimator(model, X, y, groups=groups)

@@ -80,7 +80,7 @@ class Forks:
                 code = self._run(fault, names)
             finally:
                 os._exit(code)
-        deadline = time.monotonic() + 20 + 6 * sum(seconds for _, seconds in names)
+        deadline = time.monotonic() + 60 + 60 * sum(seconds for _, seconds in names)
         ended, status = os.waitpid(pid, os.WNOHANG)
         while not ended and time.monotonic() < deadline:
             time.sleep(0.01)

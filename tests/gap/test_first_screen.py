@@ -236,3 +236,10 @@ def test_units_stand_beside_the_numbers(diagnoser):
     shown = terminal_page(report(FRICTION, where=two))
     assert re.search(r"speed +0\.2 +rad/s\n +w +0\.1 +-", shown) and "90.0 % at speed <= 0.3 rad/s (" in shown
     assert "speed &lt;= 0.3 rad/s" in html_page(report(FRICTION, where=two))
+
+
+def test_the_short_form_of_a_report_has_its_names():
+    assert repr(report(WRONG, FRICTION)) == (
+        "GapReport(verdict='explained', parameter_error, coulomb_friction, where='second')"
+    )
+    assert repr(report(verdict="none")) == "GapReport(verdict='none', no effect, where='second')"

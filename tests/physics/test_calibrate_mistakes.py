@@ -94,6 +94,17 @@ def test_starts_of_a_prediction():
         model.predict(U, x0=np.ones((3, 3)))
 
 
+def test_the_first_outputs_of_all_runs_are_given_once_or_run_by_run():
+    model = CalibratedSimulator(plant()).fit(U, Y, groups=RUNS)
+    by_run = model.predict(U, y0=np.full((2, 1, 1), 0.7), groups=RUNS)
+    assert by_run[0] == by_run[20] == 0.7
+    for once in ([0.7], [[0.7]]):
+        np.testing.assert_array_equal(model.predict(U, y0=once, groups=RUNS), by_run)
+    for wrong in (np.full((3, 1, 1), 0.7), np.full((2, 1, 1, 1), 0.7)):
+        with pytest.raises(DataError, match="y0 has shape"):
+            model.predict(U, y0=wrong, groups=RUNS)
+
+
 def test_rows_of_a_simulation():
     with pytest.raises(SimulatorError, match="U has no rows"):
         plant().simulate(U[:0])
