@@ -21,7 +21,7 @@ from sksurrogate.effects._effect import (
 from sksurrogate.effects._limit import in_force
 from sksurrogate.effects._model import AugmentedModel
 from sksurrogate.effects._onset import Starting
-from sksurrogate.effects._parameter import ParameterStep
+from sksurrogate.effects._parameter import ParameterError, ParameterStep, constant_in_time
 from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.fit._pushes import a_sample_later
 from sksurrogate.gap.screen._hidden_path import hidden_paths
@@ -30,6 +30,9 @@ from sksurrogate.kernels.banded import solve_recursion
 from sksurrogate.kernels.limited import limited_recursion
 from sksurrogate.kernels.output_error import linearise
 from sksurrogate.kernels.smoother import output_jacobian
+
+#: Relative error of a parameter by which the change of a unit is measured.
+UNIT_ERROR = 0.05
 
 
 class Responses:
@@ -52,7 +55,9 @@ class Responses:
             self.C = problem.record.seen_of(C)
             self.y = self.bound.outputs(self.lin.x[:, None])
         self.n_effect = sum(len(e.parameters) for e in base.effects)
+        self.n_effects = len(base.effects)
         self.pushes: dict[str, np.ndarray] = {}
+        self.errors: dict[str, np.ndarray] = {}
 
     @cached_property
     def known(self) -> np.ndarray:
@@ -106,6 +111,8 @@ class Responses:
         """What an effect that is no force changes in the next states (n_states, n_starts, n_samples): a step of the plant a start."""
         if isinstance(effect, ParameterStep) and np.ptp(starts[0]) == 0:
             return self.switched(model, theta)
+        if isinstance(effect, ParameterEffect) and model.may_jump and not constant_in_time(effect):
+            return self.followed(effect, model, starts)
         now = np.repeat(self.smoothed.x[:, None], starts.shape[1], axis=1)
         return np.asarray(model.bind(theta)(now) - self.after)
 
@@ -185,6 +192,28 @@ class Responses:
         always[place] = -record.dt - float(np.ptp(record.t))
         new = (model.bind(always)(self.smoothed.x[:, None]) - self.after)[: self.base.model.n_states]
         return new * np.clip((record.t + record.dt - theta[place][:, None]) / record.dt, 0.0, 1.0)
+
+    def followed(self, effect: ParameterEffect, model: AugmentedModel, starts: np.ndarray) -> np.ndarray:
+        """What a parameter that goes with a signal or with time changes in the next states (n_states, n_starts, n_samples).
+
+        Its relative change at every sample, times what a unit of it changes: a simulator that steps is written anew for every
+        value of a parameter, which costs more than its step.
+        """
+        x, u = self.smoothed.x[:, None], self.bound.acting(0)
+        driver = () if effect.variable is None else (model.variable(self.n_effects, x, u),)
+        how = self.problem.record.t, [row[:, None] for row in starts], self.bound.h
+        relative = np.broadcast_to(effect.value(1.0, *how, *driver) - 1.0, (starts.shape[1], x.shape[2]))
+        return self.unit_error(str(effect.location))[:, None] * relative
+
+    def unit_error(self, name: str) -> np.ndarray:
+        """What a unit of the relative error of a parameter changes in the next states (n_states, n_samples)."""
+        if name not in self.errors:
+            error = ParameterError(name)
+            theta = self.base.theta_with(np.array([UNIT_ERROR]))
+            bound = self.problem.augmented((*self.base.effects, error)).bind(theta[:, None])
+            change = (bound(self.smoothed.x[:, None]) - self.after)[:, 0]
+            self.errors[name] = change / UNIT_ERROR
+        return self.errors[name]
 
     def unit_push(self, place: str) -> np.ndarray:
         """What a constant unit force in one balance, or at one port, changes in the next states (n_states, n_samples)."""
