@@ -73,7 +73,9 @@ def test_far_from_the_data_the_physics_is_left_alone_and_the_spread_says_so():
     mean, near = hybrid.predict(inside, return_std=True)
     _, wide = hybrid.predict(far, return_std=True)
     assert mean.shape == near.shape == (60,) and np.all(wide[10:] > 5 * near[10:].max())
-    disagree = hybrid._free(far, None, None, True)[1].spread[0][10:, 0]  # without the correction all of its reach is lost
+    disagree = hybrid._free(far, None, None, True)[1].spread[0][
+        10:, 0
+    ]  # without the correction all of its reach is lost
     parts = np.ravel(hybrid.left_out_rmse_)[0] ** 2 + disagree**2 + hybrid.correction_.reach[0] ** 2
     np.testing.assert_allclose(wide[10:] ** 2, parts, rtol=2e-3)
 

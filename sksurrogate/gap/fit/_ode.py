@@ -32,6 +32,8 @@ REACH = 1.0
 FORCES = (1e-3, 1e-2, 1e-1)
 #: Candidates that keep their linearisation and noise model: as many as one round compares.
 MOST_KEPT = 32
+#: A step by less than this share leaves the slopes of a simulator that steps as they are: they cost as much as many of its runs.
+SAME_SLOPES = 2e-3
 
 
 @dataclass(frozen=True)
@@ -281,6 +283,7 @@ class OdeBackend(Backend):
                     max_steps=max_steps,
                     best=best,
                     fallback=fallback,
+                    near=SAME_SLOPES if model.may_jump else 0.0,
                 )
                 if fit is None:
                     return None

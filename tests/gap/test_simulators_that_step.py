@@ -1,4 +1,4 @@
-"""The screen of parameters that go with a signal or with time, in a simulator that steps."""
+"""What a simulator that steps is asked: little, for its steps are dear."""
 
 import numpy as np
 import pytest
@@ -7,6 +7,7 @@ from sksurrogate.effects import CATALOGUE
 from sksurrogate.effects._model import AugmentedModel
 from sksurrogate.gap.fit._build import build_problem
 from sksurrogate.gap.screen._responses import Responses
+from sksurrogate.kernels import output_error
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics import MuJoCoSimulator
 from sksurrogate.physics._model import PlantModel
@@ -21,17 +22,40 @@ NAMES = ["hinge.damping", "hinge.armature", "torque.gear"]
 
 
 @pytest.fixture(scope="module")
-def responses():
-    simulator = MuJoCoSimulator(PENDULUM, outputs=["hinge.pos"], params=NAMES, dt=0.01)
+def null():
+    """The simulator alone; the pendulum has a third more damping."""
+    how = {"outputs": ["hinge.pos"], "params": NAMES, "dt": 0.01}
+    simulator = MuJoCoSimulator(PENDULUM, **how)
     rng = np.random.default_rng(0)
     U = np.repeat(rng.uniform(-1.0, 1.0, (2, 10, 1)), 12, axis=1)
-    Y = [simulator.simulate(u) + 1e-3 * rng.normal(size=(120, 1)) for u in U]
+    real = MuJoCoSimulator(PENDULUM, **how).set_params(**{"params__hinge.damping": 0.13})
+    Y = [real.simulate(u) + 1e-3 * rng.normal(size=(120, 1)) for u in U]
     record = Record.from_runs(list(U), Y, [0.01 * np.arange(120)] * 2, 0.01)
     model = PlantModel(describe(simulator))
     model.probe(np.zeros(1))
     problem, smoothed = build_problem(model.plant, model, record, (), ["hinge.vel"])
-    null = problem.fit((), np.zeros(0), smoothed.x)
-    return Responses(null, smoothed.x)
+    return problem.fit((), np.zeros(0), smoothed.x)
+
+
+@pytest.fixture(scope="module")
+def responses(null):
+    return Responses(null, null.fit.x)
+
+
+def test_slopes_serve_again_where_a_fit_hardly_moves(monkeypatch, null):
+    asked, slopes = [], output_error.linearise
+    monkeypatch.setattr(output_error, "linearise", lambda *given: asked.append(1) or slopes(*given))
+
+    def fitted():
+        asked.clear()
+        found = null.problem.fit((CATALOGUE["parameter_error"]("hinge.damping"),), np.array([0.05]), null.fit.x)
+        return found.fit, len(asked)
+
+    (again, few), _ = fitted(), monkeypatch.setattr(AugmentedModel, "may_jump", False)
+    fresh, many = fitted()
+    assert few < many
+    assert again.theta[0] == pytest.approx(fresh.theta[0], abs=1e-5) and again.theta[0] == pytest.approx(0.3, abs=0.03)
+    assert again.cost == pytest.approx(fresh.cost, rel=1e-5)
 
 
 @pytest.mark.parametrize("name", NAMES)
