@@ -79,6 +79,7 @@ def test_three_sets_keep_runs_whole():
 def test_a_scan_is_what_single_fits_give():
     X, y, groups = planted(6)
     scan = scan_orders(X, y, groups, max_output_lags=3, max_input_lags=3, n_splits=3, alpha=0.0)
+    assert list(zip(scan.output_lags, scan.input_lags)) == [(ny, nu) for ny in (1, 2, 3) for nu in (0, 1, 2, 3)]
     i = int(np.flatnonzero((scan.output_lags == 2) & (scan.input_lags == 1))[0])
     one, free = [], []
     for k in range(3):

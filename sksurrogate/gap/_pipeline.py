@@ -25,7 +25,7 @@ from sksurrogate.gap.decide._rules import certified, share_left
 from sksurrogate.gap.decide._run_to_run import differs, run_to_run
 from sksurrogate.gap.faults._record_book import faults_of
 from sksurrogate.gap.fit._closed_loop import LOOP, closed_loop
-from sksurrogate.gap.fit._closeness import FAR
+from sksurrogate.gap.fit._closeness import AT_THE_NOISE, FAR
 from sksurrogate.gap.fit._evidence import C, estimate_noise
 from sksurrogate.gap.render import _notes
 from sksurrogate.gap.render._report import GapReport
@@ -155,13 +155,20 @@ class DiagnosisPipeline(LawStage[C]):
         self.measure()
 
     def certify(self) -> None:
-        """Names that close too little on runs left out are withdrawn: the null stands."""
+        """Names that close too little on runs left out are withdrawn: the null stands.
+
+        So are names where the simulator is at the noise of a measured input: a bounded input whose noise is smoothed looks like one that
+        saturates.
+        """
         found, final, held = self.found, self.final, self.found.held
         if not final.effects or held is None or found.shrink is None:
             return
-        if certified(found.shrink, final.left, partial(likelier_held_out, final, held)):
+        where = "on runs left out"
+        if self.noise_of_an_input and self.null.left < AT_THE_NOISE:
+            where = "beyond what the noise of an input makes up"
+        elif certified(found.shrink, final.left, partial(likelier_held_out, final, held)):
             return
-        self.withdraw(_notes.too_little([effect.name for effect in final.effects], "on runs left out"))
+        self.withdraw(_notes.too_little([effect.name for effect in final.effects], where))
 
     def suggest_an_experiment(self) -> None:
         """The experiment that would tell apart what these data cannot."""

@@ -61,6 +61,9 @@ def test_intervals_cover_new_measurements():
     inside = np.abs(mean - y.ravel())[after] < 1.645 * std[after]
     assert np.mean(inside) == pytest.approx(0.9, abs=0.02)
     assert (std[after] > 0.95 * model.noise_[0]).all()
+    assert (std[after] > model.noise_[0]).any()  # weights are not known exactly
+    _, short = model.predict(U[0, :2].reshape(-1, 1), y0=y[:1, :2], groups=np.zeros(2), return_std=True)
+    np.testing.assert_array_equal(np.ravel(short), np.full(2, model.noise_[0]))  # nothing is predicted there
     with pytest.raises(DataError, match='needs a fit with loss="shooting" and alpha="evidence"'):
         linear(0.3, alpha=0.1).predict(U.reshape(-1, 1), groups=groups, return_std=True)
 

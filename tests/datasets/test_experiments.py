@@ -127,6 +127,21 @@ def test_settings_of_the_reactor_that_mean_nothing_are_refused(settings, message
         make_reactor_runs(**settings)
 
 
+def test_ranges_in_order_are_those_by_name_and_one_is_given_for_each():
+    plant = ODESimulator(
+        lambda t, x, u, p: (u[0] - x[0], u[1] - x[1]),
+        states=["a", "b"], inputs=["u", "v"], outputs=["a", "b"], params={}, dt=0.1,
+    )  # fmt: skip
+    given = {"n_runs": 2, "n_samples": 10, "random_state": 0}
+    names = simulate_experiments(plant, {"a": (0, 1), "b": (5, 6)}, {"u": (0, 1), "v": (7, 8)}, **given)
+    order = simulate_experiments(plant, [(0, 1), (5, 6)], [(0, 1), (7, 8)], **given)
+    np.testing.assert_array_equal(order.X, names.X)
+    np.testing.assert_array_equal(order.y, names.y)
+    for wrong in ([(0, 1)], [(0, 1)] * 3):
+        with pytest.raises(DataError, match=f"input_ranges has {len(wrong)} pairs, expected 2"):
+            simulate_experiments(plant, None, wrong, **given)
+
+
 def test_a_range_that_is_a_number_is_refused():
     with pytest.raises(DataError, match=r"x0_ranges of 'y' is 5, expected a pair \(low, high\)"):
         simulate_experiments(make_reactor(), {"y": 5}, RANGES[1], n_runs=2, n_samples=5)

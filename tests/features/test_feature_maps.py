@@ -256,3 +256,11 @@ def test_steps_by_number_are_evenly_spread_from_the_least_value_and_none_is_at_t
     at = -3.0 + 10.0 * np.arange(n) / n
     inside = np.sort(np.r_[at - 1e-6, at + 1e-6])[:, None]
     assert np.array_equal(steps.transform(inside), (inside >= at).astype(float))
+
+
+def test_periods_are_positive_one_for_each_input():
+    one, two = FourierFeatures(1, period=[2.0, 3.0]).fit(X2), FourierFeatures(1, period=2.0).fit(X2[:, :1])
+    np.testing.assert_array_equal(one.transform(X2)[:, : two.transform(X2[:, :1]).shape[1]], two.transform(X2[:, :1]))
+    for wrong in ([2.0, 0.0], [-2.0, 3.0], [2.0, np.nan], [2.0, np.inf], [2.0], [2.0, 3.0, 4.0]):
+        with pytest.raises(DataError, match="must be a positive number, or one for each of the 2 inputs"):
+            FourierFeatures(1, period=wrong).fit(X2)

@@ -292,6 +292,13 @@ def test_noise_on_an_input_is_said_and_is_no_law(seed):
     assert fault.size == pytest.approx(size, rel=0.15)
 
 
+def test_a_bounded_input_whose_noise_is_smoothed_does_not_saturate():
+    """The simulator alone is at the noise that the input moves: a limit that the input never passed is likelier, and no name."""
+    report = diagnosed(make_case("cart", "input_noise", False, 1), "input_saturation").report_
+    assert report.data.kinds == ("input_noise",)
+    assert (report.verdict, report.effects) == ("none", [])
+
+
 def test_a_slow_actuator_is_no_noise_of_the_input():
     # The plant gets a smoother input than was measured, and another effect is all that may be named.
     case, rng = make_case("cart", "nothing", False), np.random.default_rng(4)
