@@ -5,6 +5,7 @@ import pytest
 
 from sksurrogate.effects import CATALOGUE
 from sksurrogate.effects._model import AugmentedModel
+from sksurrogate.gap.fit import _ode
 from sksurrogate.gap.fit._build import build_problem
 from sksurrogate.gap.screen._responses import Responses
 from sksurrogate.kernels import output_error
@@ -79,3 +80,13 @@ def test_one_step_tells_what_all_values_of_a_parameter_that_moves_change(
     alone, _ = responses.columns(effect, starts)
     size = np.abs(alone).max(axis=(0, 2))
     assert np.all(size > 0) and np.all(np.abs(found - alone).max(axis=(0, 2)) < 0.15 * size)
+
+
+@pytest.mark.parametrize("steps_itself", [True, False])
+def test_retuning_alone_has_no_more_steps_than_its_folds_where_slopes_are_dear(monkeypatch, null, steps_itself):
+    most, fit = [], _ode.output_error
+    monkeypatch.setattr(_ode, "output_error", lambda *given, **how: most.append(how["max_steps"]) or fit(*given, **how))
+    monkeypatch.setattr(AugmentedModel, "may_jump", steps_itself)
+    _, tuned = null.baselines(null.problem.record)
+    assert set(most) == {_ode.FOLD_STEPS if steps_itself else _ode.MOST_STEPS}
+    assert tuned.fit.theta[0] == pytest.approx(np.log(1.3), abs=0.1)  # the damping, by its ratio

@@ -34,6 +34,9 @@ FORCES = (1e-3, 1e-2, 1e-1)
 MOST_KEPT = 32
 #: A step by less than this share leaves the slopes of a simulator that steps as they are: they cost as much as many of its runs.
 SAME_SLOPES = 2e-3
+#: Steps of a fit, and of one again without a fold of runs; all parameters of a simulator that steps are many columns, and re-tuning
+#: alone is a figure beside the diagnosis: it has as many steps as its folds.
+MOST_STEPS, FOLD_STEPS = 25, 8
 
 
 @dataclass(frozen=True)
@@ -138,7 +141,9 @@ class OdeCandidate(BaseCandidate):
         with np.errstate(all="ignore"):
             if len(theta) and len(train):
                 x = self.fit.x[:, np.isin(record.run_of_row, train)]
-                refit = problem.on(train.tolist()).fit(self.effects, theta, x, open_steps=0, max_steps=8, settled=True)
+                refit = problem.on(train.tolist()).fit(
+                    self.effects, theta, x, open_steps=0, max_steps=FOLD_STEPS, settled=True
+                )
                 theta = refit.fit.theta if refit is not None else theta
             fit = replace(self.fit, x=self.fit.x[:, np.isin(record.run_of_row, test)], theta=theta)
             there = problem.on(test.tolist()).candidate(self.effects, fit).frozen(theta, near=True)
@@ -178,7 +183,8 @@ class OdeCandidate(BaseCandidate):
         nominal = replace(whole, free=()).candidate((), replace(self.fit, theta=np.zeros(0)))
         names, known = tuple(whole.plant.params), dict(zip(whole.free, self.fit.theta))
         theta = np.array([known.get(name, 0.0) for name in names])
-        return nominal, replace(whole, free=names).fit((), theta, self.fit.x) if names else None
+        steps = FOLD_STEPS if self.model.may_jump else MOST_STEPS
+        return nominal, replace(whole, free=names).fit((), theta, self.fit.x, max_steps=steps) if names else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -255,7 +261,7 @@ class OdeBackend(Backend):
         *,
         best: float = np.inf,
         open_steps: int = 3,
-        max_steps: int = 25,
+        max_steps: int = MOST_STEPS,
         settled: bool = False,
         fallback: np.ndarray | None = None,
     ) -> OdeCandidate | None:
