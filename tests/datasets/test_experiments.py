@@ -137,6 +137,8 @@ def test_ranges_in_order_are_those_by_name_and_one_is_given_for_each():
     order = simulate_experiments(plant, [(0, 1), (5, 6)], [(0, 1), (7, 8)], **given)
     np.testing.assert_array_equal(order.X, names.X)
     np.testing.assert_array_equal(order.y, names.y)
+    for signals, low in ((order.y[::10], (0, 5)), (order.X, (0, 7))):  # the first rows are the initial states
+        assert (signals >= low).all() and (signals <= np.add(low, 1)).all() and (np.ptp(signals, axis=0) > 0).all()
     for wrong in ([(0, 1)], [(0, 1)] * 3):
         with pytest.raises(DataError, match=f"input_ranges has {len(wrong)} pairs, expected 2"):
             simulate_experiments(plant, None, wrong, **given)

@@ -160,3 +160,11 @@ def test_a_report_without_runs_or_units_is_drawn_and_written(report):
     bare = replace(report, traces=(), units={}, nominal={})
     assert json.loads(bare.to_json())["traces"] == []
     assert "relative_error" in str(bare.summary())
+
+
+def test_a_table_as_text_has_its_columns_above_its_rows():
+    text = str(Table(({"name": "lag", "share": 0.5}, {"name": "a leak", "share": 0.25})))
+    assert [line.split("  ")[0].strip() for line in text.splitlines()] == ["name", "lag", "a leak"]
+    starts = {line.index(word) for line, word in zip(text.splitlines(), ("share", "0.5", "0.25"))}
+    assert starts == {8}  # behind the longest name and two blanks
+    assert str(Table()) == "(empty)"

@@ -1,5 +1,7 @@
 """Thresholds and evidence: the planted terms are found, refitted by plain least squares, and written as an equation."""
 
+from math import comb
+
 import numpy as np
 import pytest
 from sklearn.linear_model import LinearRegression
@@ -76,6 +78,9 @@ def test_the_evidence_is_bic_and_the_number_of_subsets():
     three = log_evidence(np.array([4.0, 1.0, 1.0, 1.0]), 100.0)
     assert three[1] - three[0] == pytest.approx(50 * np.log(4.0) - 0.5 * np.log(100.0) - np.log(3.0))
     assert np.isinf(log_evidence(np.ones(9), 8.0)[5:]).all()
+    same = log_evidence(np.full(6, 2.0), 100.0)
+    expected = [-50 * np.log(0.02) - 0.5 * k * np.log(100.0) - np.log(comb(5, k)) for k in range(6)]
+    np.testing.assert_allclose(same, expected)
 
 
 def test_dependent_columns_share_one_place():
