@@ -157,14 +157,15 @@ class DiagnosisPipeline(LawStage[C]):
     def certify(self) -> None:
         """Names that close too little on runs left out are withdrawn: the null stands.
 
-        So are names where the simulator is at the noise of a measured input: a bounded input whose noise is smoothed looks like one that
-        saturates.
+        So are names of an actuator alone where the simulator is at the noise of its measured input: a bounded input whose noise is smoothed
+        looks like one that saturates.
         """
         found, final, held = self.found, self.final, self.found.held
         if not final.effects or held is None or found.shrink is None:
             return
-        where = "on runs left out"
-        if self.noise_of_an_input and self.null.left < AT_THE_NOISE:
+        where, noisy = "on runs left out", self.noisy_inputs
+        at_noise = all(effect.kind == "input" and effect.location in noisy for effect in final.effects)
+        if at_noise and self.null.left < AT_THE_NOISE:
             where = "beyond what the noise of an input makes up"
         elif certified(found.shrink, final.left, partial(likelier_held_out, final, held)):
             return

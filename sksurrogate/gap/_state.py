@@ -75,9 +75,9 @@ class DiagnosisState(Generic[C]):
         return self.search.fitted_null
 
     @property
-    def noise_of_an_input(self) -> bool:
-        """Whether the noise of a measured input is the gap."""
-        return self.book is not None and any(noise.is_the_gap for noise in self.book.slow_noise)
+    def noisy_inputs(self) -> set[str]:
+        """Inputs the noise of whose measurement is the gap."""
+        return set() if self.book is None else self.book.noisy_inputs
 
     def measure(self) -> None:
         """How far the gap shrinks on runs left out."""
@@ -152,7 +152,7 @@ class DiagnosisState(Generic[C]):
             curve=law.gain if law is not None else -np.inf,
             curve_moved=law.deviation if law is not None else 0.0,
             rounding=rounding.share if rounding is not None else 0.0,
-            noisy_input=self.noise_of_an_input,
+            noisy_input=bool(self.noisy_inputs),
             other_unit=bool(unnamed.other_unit),
             at_bound=any(row["at_bound"] for row in self.retuned()),
             tolerance=self.search.tolerance,

@@ -20,6 +20,7 @@ from sksurrogate.datasets import (
     fetch_heat_exchanger,
     fetch_silverbox,
 )
+from sksurrogate.datasets._ball_drops import _BALLS_COLUMNS, _drops
 from sksurrogate.exceptions import DataError
 
 SHARED = Path(os.environ.get("SKSURROGATE_DATA") or Path(__file__).parents[2].parent / "shared" / "data")
@@ -236,3 +237,10 @@ def test_a_home_that_is_a_file_is_said(tmp_path):
     file.write_text("x")
     with pytest.raises(DataError, match=r"data_home: the folder .* cannot be made"):
         fetch_cascaded_tanks(file, url="file:///nowhere.zip")
+
+
+def test_the_drops_of_a_file_are_its_lines():
+    lines = ["Golf Ball,1,0.0,48.0,0.1", "Golf Ball,2,0.5,47.0,-0.2", "Wiffle Ball,3,1.0,46.0,-3.0"]
+    ball, drop, numbers = _drops("\n".join([",".join(_BALLS_COLUMNS), *lines, ""]).encode(), "here")
+    assert ball.tolist() == ["Golf Ball", "Golf Ball", "Wiffle Ball"] and drop.tolist() == [1, 2, 3]
+    assert numbers.tolist() == [[0.0, 0.5, 1.0], [48.0, 47.0, 46.0], [0.1, -0.2, -3.0]]

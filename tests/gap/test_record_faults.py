@@ -299,6 +299,13 @@ def test_a_bounded_input_whose_noise_is_smoothed_does_not_saturate():
     assert (report.verdict, report.effects) == ("none", [])
 
 
+def test_an_effect_elsewhere_is_named_beside_noise_of_an_input_that_makes_up_the_gap():
+    """Neighbouring levels of the input differ by less than a level with a place of its own costs."""
+    report = diagnosed(make_case("motor", "input_noise", True, 0), "quadratic_drag", "input_saturation").report_
+    assert report.data.kinds == ("input_noise",)
+    assert [(effect.name, effect.location) for effect in report.effects] == [("quadratic_drag", "speed")]
+
+
 def test_a_slow_actuator_is_no_noise_of_the_input():
     # The plant gets a smoother input than was measured, and another effect is all that may be named.
     case, rng = make_case("cart", "nothing", False), np.random.default_rng(4)

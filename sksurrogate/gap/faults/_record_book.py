@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from sksurrogate.gap.faults._corrections import BaseFault, Names, NoisyInput, SlowNoise
+from sksurrogate.gap.faults._corrections import BaseFault, Names, NoisyInput
 from sksurrogate.gap.faults._fault_left import Alternative, fault_left, tone_left
 from sksurrogate.gap.faults._wrong_readings import outlying_beside, wrong_readings
 from sksurrogate.gap.fit._backend import BaseCandidate
@@ -119,9 +119,10 @@ class RecordBook:
         )
 
     @property
-    def slow_noise(self) -> list[SlowNoise]:
-        """Noise on inputs that stays in the record."""
-        return [fault.slow for fault in self.faults if isinstance(fault, NoisyInput) and fault.slow is not None]
+    def noisy_inputs(self) -> set[str]:
+        """Inputs whose noise stays in the record and is the gap."""
+        noisy = [fault for fault in self.faults if isinstance(fault, NoisyInput)]
+        return {self.names.inputs[one.input] for one in noisy if one.slow is not None and one.slow.is_the_gap}
 
     @property
     def depth(self) -> int:
