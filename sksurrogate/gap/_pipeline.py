@@ -25,7 +25,7 @@ from sksurrogate.gap.decide._rules import certified, share_left
 from sksurrogate.gap.decide._run_to_run import differs, run_to_run
 from sksurrogate.gap.faults._record_book import faults_of
 from sksurrogate.gap.fit._closed_loop import LOOP, closed_loop
-from sksurrogate.gap.fit._closeness import AT_THE_NOISE, FAR
+from sksurrogate.gap.fit._closeness import FAR
 from sksurrogate.gap.fit._evidence import C, estimate_noise
 from sksurrogate.gap.render import _notes
 from sksurrogate.gap.render._report import GapReport
@@ -157,15 +157,14 @@ class DiagnosisPipeline(LawStage[C]):
     def certify(self) -> None:
         """Names that close too little on runs left out are withdrawn: the null stands.
 
-        So are names of an actuator alone where the simulator is at the noise of its measured input: a bounded input whose noise is smoothed
-        looks like one that saturates.
+        So are names of an actuator alone where the noise of its measured input is the gap: a bounded input whose noise is smoothed looks like
+        one that saturates.
         """
         found, final, held = self.found, self.final, self.found.held
         if not final.effects or held is None or found.shrink is None:
             return
         where, noisy = "on runs left out", self.noisy_inputs
-        at_noise = all(effect.kind == "input" and effect.location in noisy for effect in final.effects)
-        if at_noise and self.null.left < AT_THE_NOISE:
+        if all(effect.kind == "input" and effect.location in noisy for effect in final.effects):
             where = "beyond what the noise of an input makes up"
         elif certified(found.shrink, final.left, partial(likelier_held_out, final, held)):
             return
