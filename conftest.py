@@ -1,7 +1,10 @@
 """For all tests: no window, one thread a process, no time limit on hypothesis' examples (other jobs may share the machine)."""
 
 import os
+import sys
 
+import numpy as np
+import pytest
 from hypothesis import settings
 
 os.environ.setdefault("MPLBACKEND", "Agg")
@@ -9,3 +12,11 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 settings.register_profile("shared", deadline=None)
 settings.load_profile("shared")
+
+
+@pytest.fixture(autouse=True)
+def _seeded():
+    """Estimators without ``random_state`` draw the same numbers in every run, whatever ran before on the same worker."""
+    np.random.seed(0)
+    if "torch" in sys.modules:
+        sys.modules["torch"].manual_seed(0)
