@@ -17,6 +17,6 @@ settings.load_profile("shared")
 @pytest.fixture(autouse=True)
 def _seeded():
     """Estimators without ``random_state`` draw the same numbers in every run, whatever ran before on the same worker."""
-    np.random.seed(0)
+    np.random.seed(0)  # noqa: NPY002  the generator that scikit-learn takes by default
     if "torch" in sys.modules:
         sys.modules["torch"].manual_seed(0)

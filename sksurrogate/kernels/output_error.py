@@ -30,6 +30,8 @@ LARGEST_START_STEP = 10.0
 NEWTON_CLOSED = 1e-9
 #: Open steps end where parameters and trajectory move by less than this share of their size.
 OPEN_STEPS_SETTLED = 1e-3
+#: A step that takes at least this share of what its slopes promise is followed by one with less damping.
+KEPT_PROMISE = 0.5
 #: Newton steps in which hidden states settle along a trajectory.
 SETTLING_STEPS = 8
 
@@ -136,6 +138,8 @@ def output_error(
     settled: float = OPEN_STEPS_SETTLED,
     tries: int = 6,
     near: float = 0.0,
+    idle: float = 0.0,
+    idle_above: float = np.inf,
 ) -> Fit | None:
     """Fit parameters and initial states through the free run.
 
@@ -172,6 +176,8 @@ def output_error(
         Dampings of a closed step, each ten times the last, before the descent ends.
     near : float
         After a step that moves parameters and trajectory by less than this share of their size, its slopes serve again.
+    idle, idle_above : float
+        Where the cost is above ``idle_above``, two steps in a row that take less than the share ``idle`` of it end the descent.
 
     Returns
     -------
@@ -179,7 +185,9 @@ def output_error(
         None where no finite free run was found.
     """
     with np.errstate(all="ignore"):
-        fit = _OutputError(model, sd, unit, bounds, prior, fit_start, reach, settled, tries, near, centre)
+        fit = _OutputError(
+            model, sd, unit, bounds, prior, fit_start, reach, settled, tries, near, centre, idle, idle_above
+        )
         return fit.run(theta, x, open_steps, max_steps, best, fallback)
 
 
@@ -199,12 +207,13 @@ class _OutputError:
     def __init__(
         self, model: FreeRunModel, sd: np.ndarray, unit: np.ndarray, bounds: tuple, prior: np.ndarray | None = None, fit_start: bool = True,
         reach: float = np.inf, settled: float = OPEN_STEPS_SETTLED, tries: int = 6, near: float = 0.0,
-        centre: np.ndarray | None = None,
+        centre: np.ndarray | None = None, idle: float = 0.0, idle_above: float = np.inf,
     ):  # fmt: skip
         self.model, self.record, self.sd, self.unit = model, model.record, sd, unit
         self.low, self.high = bounds
         self.reach = reach
         self.share, self.tries, self.near = settled, tries, near
+        self.idle, self.idle_above = idle, idle_above
         self.fixed = self.low == self.high
         self.precision = np.zeros(model.n_theta) if prior is None else 1.0 / prior**2
         self.centre = np.zeros(model.n_theta) if centre is None else centre
@@ -354,7 +363,7 @@ class _OutputError:
         lin: Linearised | None,
     ) -> Fit | None:
         """Closed Levenberg-Marquardt steps: the cost is that of the free run. ``lin``: slopes of a point nearby."""
-        damping, done, steps, again = 1e-3, False, 0, lin is not None
+        damping, done, steps, again, idle = 1e-3, False, 0, lin is not None, 0
         for steps in range(1, max_steps + 1):
             lin = linearise(self.model, theta, x, self.unit) if lin is None else replace(lin, x=x, y=y)
             if not (np.all(np.isfinite(lin.J_theta)) and np.all(np.isfinite(lin.J_x))):
@@ -382,9 +391,12 @@ class _OutputError:
             again = self.near > 0 and self.share_of(new_theta - theta, new_x - x, new_theta) < self.near
             fell = cost - new_cost
             theta, x, y, cost, lin = new_theta, new_x, new_y, new_cost, lin if again else None
-            if not raised:  # a damping that has just failed fails again as a rule
+            if not raised and fell > KEPT_PROMISE * drop:  # a damping that has just failed fails again as a rule
                 damping = max(damping / 10, 1e-9)
             if cost - 3 * fell > 3 * best:
+                break
+            idle = idle + 1 if cost > self.idle_above and fell < self.idle * cost else 0
+            if idle == 2:
                 break
             if fell < 1e-5 * cost + 0.002:
                 done = True

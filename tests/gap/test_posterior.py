@@ -169,7 +169,42 @@ def test_of_two_forms_of_one_law_the_nearer_is_enough_within_the_tolerance(monke
     final = one(both, 100.0)
     final.candidate = final
     search = SimpleNamespace(
-        tolerated_cost=tolerated, without=lambda _, i: one((both[1 - i],), 500.0 if i == 0 else 300.0)
+        tolerated_cost=tolerated, stood={}, without=lambda _, i: one((both[1 - i],), 500.0 if i == 0 else 300.0)
     )
     monkeypatch.setattr(_posterior, "_taken", lambda search, fewer, final: fewer)
     assert [effect.name for effect in needed_only(search, final).effects] == left
+
+
+def _sets(costs):
+    """A search over sets of named effects with known costs, by their names."""
+
+    def one(names):
+        found = SimpleNamespace(
+            effects=tuple(SimpleNamespace(name=n) for n in names), fit=SimpleNamespace(cost=costs[names]), left=9.0
+        )
+        found.candidate = found
+        return found
+
+    def without(candidate, i):
+        names = "".join(effect.name for k, effect in enumerate(candidate.effects) if k != i)
+        return one(names) if names in costs else None
+
+    return SimpleNamespace(tolerated_cost=150.0, stood={}, without=without), one
+
+
+def test_names_taken_out_one_by_one_have_not_closed_most_together(monkeypatch):
+    """Each step leaves less than four times what was left before; both together leave six times as much: the second stays."""
+    search, one = _sets({"abc": 100.0, "ab": 200.0, "ac": 900.0, "bc": 900.0, "a": 600.0, "b": 900.0})
+    monkeypatch.setattr(_posterior, "_taken", lambda search, fewer, final: fewer)
+    monkeypatch.setattr(_posterior, "_forms_of_one_law", lambda effects: [])
+    assert "".join(effect.name for effect in needed_only(search, one("abc")).effects) == "ab"
+
+
+def test_where_a_name_is_not_needed_the_nearest_set_of_the_size_stands(monkeypatch):
+    """A third name had changed the two others: without it the two that stood before it come nearer."""
+    costs = {"abc": 100.0, "ab": 350.0, "ac": 900.0, "bc": 900.0, "ad": 300.0, "a": 900.0, "d": 900.0, "b": 900.0}
+    search, one = _sets(costs)
+    search.stood[2] = one("ad")
+    monkeypatch.setattr(_posterior, "_taken", lambda search, fewer, final: fewer)
+    monkeypatch.setattr(_posterior, "_forms_of_one_law", lambda effects: [])
+    assert "".join(effect.name for effect in needed_only(search, one("abc")).effects) == "ad"

@@ -159,22 +159,31 @@ def needed_only(search: OdeSearch, final: Evidence) -> Evidence:
     """A set without effects that the tolerance does not need, the least needed first.
 
     A set that leaves more than the noise is not exact: there a small effect may only correct the form of the others. Of two forms
-    of one law one is enough, where it closes the gap up to the tolerance: no form is exact on a real plant.
+    of one law one is enough, where it closes the gap up to the tolerance: no form is exact on a real plant. What is taken out is
+    compared with the whole set: several effects may be needed where none of them alone is.
     """
-    while (fewer := _without_needless(search, final)) is not None:
+    whole = final.fit.cost
+    while (fewer := _without_needless(search, final, whole)) is not None:
         final = _taken(search, fewer, final)
     return final
 
 
-def _without_needless(search: OdeSearch, final: Evidence) -> OdeCandidate | None:
-    """The set without the effect that is needed least; None where all are needed."""
+def _without_needless(search: OdeSearch, final: Evidence, whole: float) -> OdeCandidate | None:
+    """The set without the effect that is needed least, or a nearer one of this size that stood; None where all are needed.
+
+    ``whole``: cost of the set before any was taken out.
+    """
     if len(final.effects) < 2:
         return None
     one_form = _nearest_without(search, final, _forms_of_one_law(final.effects))
     if one_form is not None and one_form.fit.cost <= search.tolerated_cost:
         return one_form
-    fewer = _nearest_without(search, final, range(len(final.effects))) if final.left > SETTLED else None
-    return None if fewer is None or is_needed(final.fit.cost, fewer.fit.cost, search.tolerated_cost) else fewer
+    if final.left <= SETTLED:
+        return None
+    before = search.stood.get(len(final.effects) - 1)
+    tries = [_nearest_without(search, final, range(len(final.effects))), before]
+    fewer = min((one for one in tries if one is not None), key=lambda one: one.fit.cost, default=None)
+    return None if fewer is None or is_needed(whole, fewer.fit.cost, search.tolerated_cost) else fewer
 
 
 def _forms_of_one_law(effects: Sequence[BaseEffect]) -> list[int]:

@@ -11,7 +11,7 @@ from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.effects._model import AugmentedModel
 from sksurrogate.effects._structure import largest_gains
 from sksurrogate.gap.fit._backend import Backend, BaseCandidate
-from sksurrogate.gap.fit._closeness import LARGEST_DISTURBANCE
+from sksurrogate.gap.fit._closeness import FAR_BY_COST, LARGEST_DISTURBANCE
 from sksurrogate.gap.fit._known_parameters import KnownParameters
 from sksurrogate.gap.fit._neighbours import Neighbours
 from sksurrogate.gap.fit._normal_equations import StartBasis, projected, start_bases
@@ -28,6 +28,8 @@ from sksurrogate.physics._simulator import Plant
 QUIET_OUTPUT, QUIET_FORCE = 0.05, 1e-3
 #: Steps of the parameters of an effect or of a formula, over their size, that slopes are good for.
 REACH = 1.0
+#: Steps that change the comparison by size by less than so many nats lead a fit that is far from the data nowhere.
+IDLE_NATS = 0.1
 #: Forces that a noise fit may start from, over the RMS of dx/dt.
 FORCES = (1e-3, 1e-2, 1e-1)
 #: Candidates that keep their linearisation and noise model: as many as one round compares.
@@ -290,6 +292,8 @@ class OdeBackend(Backend):
                     best=best,
                     fallback=fallback,
                     near=SAME_SLOPES if model.may_jump else 0.0,
+                    idle=0.0 if settled else IDLE_NATS * 2 * REMEMBERED / self.record.n_values,
+                    idle_above=FAR_BY_COST * self.record.n_values,
                 )
                 if fit is None:
                     return None

@@ -60,6 +60,8 @@ class BaseSearch(ABC, Generic[C]):
     first_round: list[C] = field(default_factory=list, kw_only=True)  #: Single effects, best first
     #: The best fit of every set of effects so far, by its keys
     fitted: dict[frozenset, C] = field(default_factory=dict, kw_only=True)
+    #: The last set of each number of effects that stood
+    stood: dict[int, C] = field(default_factory=dict, kw_only=True)
     #: Evidence of every candidate that was looked at, the latest
     judged: dict[C, Evidence[C]] = field(default_factory=dict, kw_only=True)
     #: Costs of the simulator as it is given, by the null
@@ -167,6 +169,7 @@ class BaseSearch(ABC, Generic[C]):
     def stand(self, candidate: C) -> C:
         """What an interrupt leaves."""
         self.final = self.judged[candidate]
+        self.stood[len(candidate.effects)] = candidate
         return candidate
 
     def own(self, candidate: C) -> Evidence[C] | None:

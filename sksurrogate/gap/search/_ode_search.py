@@ -126,8 +126,9 @@ class OdeSearch(Expander):
         return cheapest([base, candidate.problem.fit(known.effects, known.fit.theta, known.fit.x, open_steps=0)])
 
     def refined(self, candidate: OdeCandidate) -> OdeCandidate:
-        """Fitted again with kinks sharper and steps shorter where that matters."""
-        best = candidate if self.is_far(candidate) else restarted(candidate)
+        """Fitted to the end, with kinks sharper and steps shorter where that matters."""
+        best = self.again(candidate.problem, candidate, 25) if not candidate.fit.converged else candidate
+        best = best if self.is_far(best) else restarted(best)
         for n_sub, sharpness in FINER:
             finer = best.problem.at(Numerics(max(n_sub, 2 * best.problem.numerics.n_sub), sharpness))
             if not numerics_matter(finer, best):
@@ -183,9 +184,7 @@ class OdeSearch(Expander):
         return [candidate for candidate in tries if candidate is not None]
 
     @staticmethod
-    def again(fine: OdeBackend, candidate: OdeCandidate) -> OdeCandidate:
-        """A candidate fitted on with finer numerics."""
-        return (
-            fine.fit(candidate.effects, candidate.fit.theta, candidate.fit.x, open_steps=0, max_steps=8, settled=True)
-            or candidate
-        )
+    def again(fine: OdeBackend, candidate: OdeCandidate, max_steps: int = 8) -> OdeCandidate:
+        """A candidate fitted on, with finer numerics."""
+        theta, x = candidate.fit.theta, candidate.fit.x
+        return fine.fit(candidate.effects, theta, x, open_steps=0, max_steps=max_steps, settled=True) or candidate
