@@ -26,6 +26,7 @@ from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.results._next_experiment import NATS_THAT_SETTLE
 from sksurrogate.gap.search._nested import of_one_law
 from sksurrogate.gap.search._ode_search import OdeSearch
+from sksurrogate.gap.search._set_search import COMES_BACK
 from sksurrogate.gap.search._stopping import closes_by_size, leaves_most
 from sksurrogate.gap.unnamed._law_evidence import LawBeside
 from sksurrogate.gap.unnamed._law_left import LawLeft
@@ -169,7 +170,7 @@ def needed_only(search: OdeSearch, final: Evidence) -> Evidence:
 
 
 def _without_needless(search: OdeSearch, final: Evidence, whole: float) -> OdeCandidate | None:
-    """The set without the effect that is needed least, or a nearer one of this size that stood; None where all are needed.
+    """The set without the effect that is needed least, or the one of this size that stood and is nearer; None where all are needed.
 
     ``whole``: cost of the set before any was taken out.
     """
@@ -180,9 +181,9 @@ def _without_needless(search: OdeSearch, final: Evidence, whole: float) -> OdeCa
         return one_form
     if final.left <= SETTLED:
         return None
-    before = search.stood.get(len(final.effects) - 1)
-    tries = [_nearest_without(search, final, range(len(final.effects))), before]
-    fewer = min((one for one in tries if one is not None), key=lambda one: one.fit.cost, default=None)
+    fewer, before = _nearest_without(search, final, range(len(final.effects))), search.stood.get(len(final.effects) - 1)
+    if fewer is not None and before is not None and before.fit.cost < COMES_BACK * fewer.fit.cost:
+        fewer = before
     return None if fewer is None or is_needed(whole, fewer.fit.cost, search.tolerated_cost) else fewer
 
 
