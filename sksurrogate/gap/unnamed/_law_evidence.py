@@ -101,8 +101,7 @@ def law_beside(
     try:
         best = fit.best(noises, seeds)
         if instead is not None and fit.is_the_effect_again(best, instead.effects):
-            place = fit.candidates[best.k].place
-            best = replace(fit, barred=place, known=known.setdefault(("without", place), {})).best(noises, seeds)
+            best = replace(fit, barred=fit.candidates[best.k].place).best(noises, seeds)
     except np.linalg.LinAlgError:
         return None
     return fit.result(best, max(linear.log_likelihood(noise) for noise in noises))
@@ -168,9 +167,7 @@ class _Fit:
         found = [self.refined(k, f, noise) for k, f in sorted(picks) for noise in noises]
         for k, f, noise in seeds:
             found += [self.refined(k, form, noise) for form in self.relatives(k, f)]
-        best = max(found, key=_of_any_size)
-        again = self.likeliest([best.noise])[0]  # beside the noise that a law leaves another may be likelier
-        return best if again in picks else max([best, self.refined(*again, best.noise)], key=_of_any_size)
+        return max(found, key=_of_any_size)
 
     def is_the_effect_again(self, one: _Found, whole: Sequence[BaseEffect]) -> bool:
         """Whether a law larger than the tolerance moves the outputs as the effect of this place and signal does in whose place it stands.
@@ -199,26 +196,32 @@ class _Fit:
         new = {key: noise for key, noise in zip(own, noises) if key not in self.known}
         if new:
             self.known.update(zip(new, self.compared(list(new.values()))))
-        return [self.known[key] for key in own]
+        return [self.first(self.known[key]) for key in own]
 
-    def compared(self, noises: Sequence[Noise]) -> list[tuple[int, int]]:
-        """The same, computed: what the laws move the outputs by once for all noises."""
+    def first(self, evidence: list[list[float]]) -> tuple[int, int]:
+        """Law and form of most evidence, the first of equal ones; none at the place that is barred."""
+        best, at = -np.inf, (0, 0)
+        for k, forms in enumerate(evidence):
+            for f, top in enumerate(forms):
+                if top > best + 1e-9 and self.candidates[k].place != self.barred:
+                    best, at = top, (k, f)
+        return at
+
+    def compared(self, noises: Sequence[Noise]) -> list[list[list[float]]]:
+        """Evidence of every form of every law, under each noise: what the laws move the outputs by is computed once for all noises."""
         grams = [self.linear.D.grams_beside(self.linear.known, noise) for noise in noises]
-        best, at = [-np.inf] * len(noises), [(0, 0)] * len(noises)
+        evidence: list[list[list[float]]] = [[] for _ in noises]
         for a in range(0, len(self.candidates), LAWS_IN_BLOCK):
             check_time()
             moved = [law.moved() for law in self.candidates[a : a + LAWS_IN_BLOCK]]
-            for n, beside in enumerate(grams):
-                for k, G in enumerate(beside(moved), start=a):
-                    for f, top in enumerate(self.evidence_of_forms(k, moved[k - a], G)):
-                        if top > best[n] + 1e-9:
-                            best[n], at[n] = top, (k, f)
-        return at
+            for own, beside in zip(evidence, grams):
+                own += [self.evidence_of_forms(k, moved[k - a], G) for k, G in enumerate(beside(moved), start=a)]
+        return evidence
 
     def evidence_of_forms(self, k: int, moved: np.ndarray, G: np.ndarray) -> list[float]:
         """Of every form of law k, from the Gram of what is known and of its functions."""
         n, forms = 1 + self.linear.J.shape[1], self.candidates[k].signal.forms
-        if self.candidates[k].place == self.barred or not np.isfinite(G).all():
+        if not np.isfinite(G).all():
             return [-np.inf] * len(forms)
         H, g, power = self.linear.beside_parameters(G)
         sound = known_to_rounding(G)  # if for all functions, then for some
