@@ -136,13 +136,15 @@ def judged_law(
     seeds: Sequence[tuple[int, int, Noise]] = (),
     instead: OdeCandidate | None = None,
 ) -> LawBeside | None:
-    """A law beside a candidate, under the noise of what is named and under quiet forces; of two linear models the likelier.
+    """A law beside a candidate, under the noise of what is named; of two linear models the likelier.
 
-    Far from the data, also beside the gap, they are linear about the measured path, not about the free run.
+    Where what is named leaves more than the noise, also under quiet forces: its own may hold what a law explains. Far from the data,
+    also beside the gap, the models are linear about the measured path, not about the free run.
     """
     problem, far = candidate.problem, _is_far(search, final)
     x = (search.x if far else final.candidate.fit.x)[: len(problem.plant.states)]
-    noises, path = (final.noise, problem.quiet(final.noise)), x if along or far else None
+    noises = (final.noise,) if final.left <= AT_THE_NOISE else (final.noise, problem.quiet(final.noise))
+    path = x if along or far else None
     found = [law_along(search, candidate, noises, path, seeds=seeds, instead=instead)]
     if candidate.effects and final.left > AT_THE_NOISE and candidate.model.n_states == candidate.model.n_nominal:
         found.append(law_along(search, candidate, noises, x, bare=True, seeds=seeds, instead=instead))

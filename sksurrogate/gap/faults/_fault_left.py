@@ -20,6 +20,9 @@ from sksurrogate.gap.search._base import BaseSearch
 from sksurrogate.kernels.disturbance import Noise
 from sksurrogate.kernels.run_columns import RunColumns, take_out
 
+#: A tone that is less than four fifths of the noise gains under the noise as it is at least this share of what it gains with one
+#: fitted beside it: ``s`` for ``-log(1 - s)``.
+MOST_REFIT = 0.5
 #: Share of the excess over the noise that a fault takes, to be the reason of what is left: faults of sensors are exact.
 MOST_OF_IT = 0.8
 #: The same of noise on an input: what was really given to the plant is only known smoothed.
@@ -156,13 +159,16 @@ def tone_left(base: Evidence, run: np.ndarray) -> Hum | None:
         return None
     record, found = base.candidate.problem.record, []
     for proposal in tones(record, run, fit.linear.r):
+        needed = fit.cost(proposal, len(record.y)) + CERTAIN
         try:
+            if fit.gain_under(base.noise, proposal) < MOST_REFIT * needed:
+                continue
             value, theta, _ = fit.fitted(proposal)
             gain = 2.0 * (value - fit.alone)
         except np.linalg.LinAlgError:
             continue
         fault = proposal.fault(theta[fit.linear.J.shape[1] :])
-        if gain - fit.cost(proposal, len(record.y)) > CERTAIN and isinstance(fault, Hum):
+        if gain > needed and isinstance(fault, Hum):
             found.append((gain, fault))
     return max(found, key=lambda one: one[0])[1] if found else None
 
@@ -255,6 +261,16 @@ class _Fit:
         else:
             theta, variance = _weights_by_run(linear, noise, own, proposal.acts)
         return float(value), theta, theta**2 / np.maximum(variance, 1e-300)
+
+    def gain_under(self, noise: Noise, proposal: Proposal) -> float:
+        """Twice the log likelihood that a fault with values of its own gains under a noise that stays."""
+        known, own = self.linear, proposal.own
+        if own is None:
+            beside = known.beside(proposal.acting)
+            return 2.0 * (beside.log_likelihood(noise) - known.log_likelihood(noise))
+        grams, logdet = known.D.gram_by_run(np.concatenate([known.known, own.columns], axis=1), noise)
+        left = take_out(own.by_run(grams, known.D.starts), own.columns.shape[1])[0]
+        return 2.0 * (known.at_best(left.sum(axis=0), float(np.sum(logdet))) - known.log_likelihood(noise))
 
     @cached_property
     def alone(self) -> float:
