@@ -141,11 +141,13 @@ class ControlSimulator(InnerRunsMixin, ParametricSimulator):
         """All points in one call, where the system's own function takes arrays, or does by branches; None where it does not.
 
         It is asked for a few points together and one by one, once; an interconnected system holds its parameters itself
-        and is asked one by one.
+        and is asked one by one. Without a function for the outputs these are the states.
         """
         function = {"dynamics": system.updfcn, "output": system.outfcn}[what]
-        if function is None or type(system).__name__ != "NonlinearIOSystem" or x.shape[1] < 2:
+        if type(system).__name__ != "NonlinearIOSystem" or x.shape[1] < 2:
             return None
+        if function is None:
+            return x if what == "output" else None
         kept = self.__dict__.setdefault("_abreast", {})
         if kept.get(what, (None, True))[0] is not function:
             size = system.nstates if what == "dynamics" else system.noutputs
@@ -230,10 +232,10 @@ def _one_by_one(
     system: Any, what: str, t: np.ndarray, x: np.ndarray, u: np.ndarray, p: dict[str, Any]
 ) -> np.ndarray:  # fmt: skip
     """``dynamics`` or ``output`` point by point."""
-    function, columns = getattr(system, what), []
-    for k in range(x.shape[1]):
-        own = {name: float(v[k if np.size(v) > 1 else 0]) if np.ndim(v) else v for name, v in p.items()} or None
-        columns.append(np.atleast_1d(function(t[k], x[:, k], u[:, k], own)))
+    function, n = getattr(system, what), x.shape[1]
+    of_points = zip(*(np.broadcast_to(v, n).tolist() for v in p.values())) if p else [()] * n
+    own = (dict(zip(p, values)) or None for values in of_points)
+    columns = [np.atleast_1d(function(*point)) for point in zip(t, x.T, u.T, own)]
     size = system.nstates if what == "dynamics" else system.noutputs
     return np.stack(columns, axis=1) if columns else np.empty((size, 0))
 

@@ -29,9 +29,21 @@ def drawn(name, seed):
     return CASES[name](np.random.default_rng([seed, zlib.crc32(name.encode())]))
 
 
-def error(simulator, U, Y, groups):
-    """RMSE of the free run from the simulator's own start, over the deviation of the outputs."""
-    runs = [np.reshape(simulator.simulate(U[groups == k]), (np.sum(groups == k), -1)) for k in np.unique(groups)]
+def begun(nominal, reading):
+    """Where a free run begins: measured states at their first readings, the others where the simulator begins them."""
+    states = list(getattr(nominal, "states", None) or [])
+    own = getattr(nominal, "x0", None)
+    start = np.zeros(len(states)) if own is None else np.array(own, dtype=float)
+    for name, value in zip(nominal.outputs, reading):
+        if name in states and np.isfinite(value):
+            start[states.index(name)] = value
+    return {"x0": start} if states else {}
+
+
+def error(simulator, nominal, U, Y, groups):
+    """RMSE of the free run from the first readings, over the deviation of the outputs; ``nominal``: the simulator that was given."""
+    rows = [groups == k for k in np.unique(groups)]
+    runs = [np.reshape(simulator.simulate(U[k], **begun(nominal, Y[k][0])), (np.sum(k), -1)) for k in rows]
     return float(np.sqrt(np.nanmean(((Y - np.vstack(runs)) / np.nanstd(Y, axis=0)) ** 2)))
 
 
@@ -44,13 +56,13 @@ def main():
     warnings.simplefilter("ignore")
     for name in options.names:
         simulator, U, Y, groups, truth = drawn(name, options.seed)
-        begun = time.process_time()
+        started = time.process_time()
         diagnoser = GapDiagnoser(simulator, random_state=0, n_jobs=1, **KW.get(name, {})).fit(U, Y, groups=groups)
-        seconds, report = time.process_time() - begun, diagnoser.report_
+        seconds, report = time.process_time() - started, diagnoser.report_
         law = report.missing_term.law if report.missing_term is not None else None
         said = [f"{e.name}@{e.location}/{e.variable} {e.probability:.3f} {e.params}" for e in report.effects]
         unseen = drawn(name, options.seed + 500)[1:4]
-        errors = [error(one, *unseen) for one in (simulator, diagnoser.augmented_)]
+        errors = [error(one, simulator, *unseen) for one in (simulator, diagnoser.augmented_)]
         print(
             f"{name} [{truth}] {report.verdict} ({report.reasons.rule}): {'; '.join(said) or '-'}; law {law}; held out "
             f"{report.shrink.before:.3f} -> {report.shrink.after:.3f}, unseen {errors[0]:.3f} -> {errors[1]:.3f}; {seconds:.0f} s",

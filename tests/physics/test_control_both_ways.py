@@ -71,3 +71,27 @@ def test_a_nonlinear_system_that_branches_is_called_once_for_all_points_of_a_bra
     calls.clear()
     np.testing.assert_array_equal(simulator.rhs(0.0, x, u, {})[0], -0.4 * np.sign(x[0]) + np.maximum(u[0], 0.0))
     assert len(calls) < 10
+
+
+def test_without_a_function_the_outputs_are_the_states_of_all_points(monkeypatch):
+    system = control.nlsys(
+        lambda t, x, u, params: [x[1], u[0] - params["k"] * x[0]], None,
+        inputs=["u"], states=["q", "v"], outputs=["q", "v"], params={"k": 0.4},
+    )  # fmt: skip
+    simulator = ControlSimulator(system, dt=0.1)
+    x = np.random.default_rng(0).normal(size=(2, 5, 80))
+    one_by_one = np.stack([system.output(0.0, point, [0.0], {}) for point in x.reshape(2, -1).T], axis=1)
+    monkeypatch.setattr(type(system), "output", lambda *given: pytest.fail("asked point by point"))
+    np.testing.assert_array_equal(simulator.output(0.0, x, np.zeros((1, 5, 80)), {}), one_by_one.reshape(x.shape))
+
+
+def test_parameters_of_points_reach_an_interconnected_system_one_by_one():
+    plant = control.nlsys(
+        lambda t, x, u, params: [u[0] - params["k"] * x[0]], lambda t, x, u, params: [x[0]],
+        inputs=["u"], states=["x"], outputs=["y"], params={"k": 0.4}, name="plant",
+    )  # fmt: skip
+    loop = control.interconnect([plant], inplist=["plant.u"], outlist=["plant.y"], inputs=["u"], outputs=["y"])
+    simulator = ControlSimulator(loop, dt=0.1, params={"k": 0.4})
+    x, k = np.random.default_rng(0).normal(size=(2, 1, 6))
+    found = simulator.rhs(0.0, x, np.ones((1, 6)), {"k": k[0]})
+    np.testing.assert_allclose(found, 1.0 - k * x, rtol=1e-12)
