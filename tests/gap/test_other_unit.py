@@ -173,3 +173,26 @@ def test_a_plant_that_only_moves_less_is_in_no_other_unit():
     assert _explained(nominal, record) < 0.0
     assert _explained(nominal, _divided(record, np.full(1, 1000.0), np.full(1, 1000.0))) > 0.5
     assert other_unit(nominal, record) == ""
+
+
+def test_a_simulator_at_its_limits_is_in_no_other_unit():
+    """A drag is missing. With all signals a thousand times larger the input of the simulator stands at its limit: its sign is left."""
+
+    def rhs(drag):
+        return lambda t, x, u, p: (
+            x[1],
+            np.maximum(u[0], -100.0) - 4.0 * x[0] - 0.3 * x[1] - drag * np.abs(x[1]) * x[1],
+        )
+
+    names = {"states": ["q", "v"], "inputs": ["u"], "outputs": ["q"], "params": {}, "dt": 0.05}
+    U = [np.repeat(np.random.default_rng(seed).uniform(-3, 3, (20, 1)), 15, axis=0) for seed in range(4)]
+    Y = [ODESimulator(rhs(0.8), **names).simulate(u) for u in U]
+    record, nominal = (
+        Record.from_runs(U, Y, [0.05 * np.arange(300)] * 4, 0.05),
+        PlantModel(describe(ODESimulator(rhs(0.0), **names))),
+    )
+    assert (
+        _explained(nominal, _divided(record, np.full(1, 1e-3), np.full(1, 1e-3)))
+        > max(_explained(nominal, record), 0.0) + 0.5
+    )
+    assert other_unit(nominal, record) == ""

@@ -19,9 +19,9 @@ DEGREES = 180.0 / np.pi
 OF_READINGS = (DEGREES, 1000.0, 100.0, 1 / DEGREES, 1 / 1000.0, 1 / 100.0)
 #: In the right unit the simulator alone explains at least this share of every output's variance more: half of what there is.
 MORE_EXPLAINED = 0.5
-#: All signals in so small a unit: the simulator is linear there.
-SMALL_MOTIONS = 1e6
-#: Share of the variance that a unit of all signals may leave, where the simulator of small motions leaves less than twice as much.
+#: All signals in units so much further off: there the simulator is linear, or at its limits.
+FAR_OFF = 1e6
+#: Share of the variance that a unit of all signals may leave, where one far off leaves less than twice as much.
 MOST_UNEXPLAINED = 0.05
 #: Steps of the integrator in a sample, enough where a sample resolves the plant.
 SUBSTEPS_OF_A_LOOK = 8
@@ -59,7 +59,9 @@ def _of_readings(model: PlantModel, record: Record, own: float) -> str:
     options = [(np.ones(len(record.u)), _likely_units(model, record)), *(_all_in(record, k) for k in OF_READINGS)]
     found = [_explained(model, _divided(record, *option)) for option in options]
     best = int(np.argmax(found))
-    if found[best] < own + MORE_EXPLAINED or (best > 0 and _is_linear(model, record, 1.0 - found[best])):
+    if found[best] < own + MORE_EXPLAINED:
+        return ""
+    if best > 0 and _any_further(model, record, OF_READINGS[best - 1], 1.0 - found[best]):
         return ""
     plant, (of_inputs, of_outputs) = model.plant, options[best]
     names, factors = (*plant.inputs, *plant.outputs), np.concatenate([of_inputs, of_outputs])
@@ -70,10 +72,11 @@ def _of_readings(model: PlantModel, record: Record, own: float) -> str:
     )
 
 
-def _is_linear(model: PlantModel, record: Record, unexplained: float) -> bool:
-    """Whether a simulator of small motions does as well as one in another unit of all signals: any small unit would then do."""
-    small = _divided(record, *_all_in(record, SMALL_MOTIONS))
-    as_well = 1.0 - _explained(model, small) < 2.0 * unexplained
+def _any_further(model: PlantModel, record: Record, factor: float, unexplained: float) -> bool:
+    """Whether a unit of all signals does no better than any that is further off: motions may be so small that the simulator is
+    linear, or so large that it stands at its limits."""
+    far = _divided(record, *_all_in(record, FAR_OFF if factor > 1 else 1 / FAR_OFF))
+    as_well = 1.0 - _explained(model, far) < 2.0 * unexplained
     return as_well and unexplained > MOST_UNEXPLAINED
 
 
