@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping
 from typing import Any
 
@@ -10,7 +9,7 @@ import numpy as np
 from sklearn.utils.metaestimators import available_if
 
 from sksurrogate.exceptions import SimulatorError, require
-from sksurrogate.physics._branches import Branches
+from sksurrogate.physics._control_points import ControlPoints
 from sksurrogate.physics._inner import InnerRunsMixin, held_over_samples
 from sksurrogate.physics._ode import ODESimulator
 from sksurrogate.physics._params import ParametricSimulator, numbers_of
@@ -124,41 +123,14 @@ class ControlSimulator(InnerRunsMixin, ParametricSimulator):
             np.asarray([np.asarray(v, dtype=float) for v in x]),
             np.asarray([np.asarray(v, dtype=float) for v in u]),
         )
-        if hasattr(system, "A"):
-            first, second = (system.A, system.B) if what == "dynamics" else (system.C, system.D)
-            return np.tensordot(np.asarray(first), xs, 1) + np.tensordot(np.asarray(second), us, 1)
-        flat_x, flat_u = xs.reshape(len(xs), -1), us.reshape(len(us), -1)
+        shape = (xs if len(xs) else us).shape[1:]  # a gain has no states
+        flat_x, flat_u = (v.reshape(len(v), int(np.prod(shape))) for v in (xs, us))
         times = np.broadcast_to(t, (flat_x.shape[1],)) if np.ndim(t) < 2 else np.ravel(t)
         given = {name: np.ravel(v) if np.ndim(v) else float(v) for name, v in dict(p or {}).items()}
-        found = self._together(system, what, times, flat_x, flat_u, given)
-        if found is None:
-            found = _one_by_one(system, what, times, flat_x, flat_u, given)
-        return found.reshape(-1, *xs.shape[1:])
-
-    def _together(
-        self, system: Any, what: str, t: np.ndarray, x: np.ndarray, u: np.ndarray, p: dict[str, Any]
-    ) -> np.ndarray | None:
-        """All points in one call, where the system's own function takes arrays, or does by branches; None where it does not.
-
-        It is asked for a few points together and one by one, once; an interconnected system holds its parameters itself
-        and is asked one by one. Without a function for the outputs these are the states.
-        """
-        function = {"dynamics": system.updfcn, "output": system.outfcn}[what]
-        if type(system).__name__ != "NonlinearIOSystem" or x.shape[1] < 2:
-            return None
-        if function is None:
-            return x if what == "output" else None
-        kept = self.__dict__.setdefault("_abreast", {})
-        if kept.get(what, (None, True))[0] is not function:
-            size = system.nstates if what == "dynamics" else system.noutputs
-            ways = (
-                one
-                for one in (function, Branches(function, size))
-                if _takes_arrays(system, one, what, size, t, x, u, p)
-            )
-            kept[what] = (function, next(ways, None))
-        together = kept[what][1]
-        return None if together is None else np.stack(list(map(_full(x), together(t, x, u, {**system.params, **p}))))
+        kept = self.__dict__.get("_abreast")
+        if kept is None or kept.system is not system:
+            self._abreast = kept = ControlPoints(system)
+        return kept(what, times, flat_x, flat_u, given).reshape(-1, *shape)
 
     def _written(self, system: Any, what: str, x: Any, u: Any) -> Any:
         """``dynamics`` or ``output`` at symbols."""
@@ -221,37 +193,3 @@ class ControlSimulator(InnerRunsMixin, ParametricSimulator):
             )
         method = "exact" if linear else "auto"
         return ODESimulator(self.rhs, output=self.output, dt=self.dt, hold=self.hold, method=method, **names)
-
-
-def _full(x: np.ndarray) -> Any:
-    """A component as an array over the points of x."""
-    return lambda component: np.broadcast_to(np.asarray(component, dtype=float), x.shape[1:])
-
-
-def _one_by_one(
-    system: Any, what: str, t: np.ndarray, x: np.ndarray, u: np.ndarray, p: dict[str, Any]
-) -> np.ndarray:  # fmt: skip
-    """``dynamics`` or ``output`` point by point."""
-    function, n = getattr(system, what), x.shape[1]
-    of_points = zip(*(np.broadcast_to(v, n).tolist() for v in p.values())) if p else [()] * n
-    own = (dict(zip(p, values)) or None for values in of_points)
-    columns = [np.atleast_1d(function(*point)) for point in zip(t, x.T, u.T, own)]
-    size = system.nstates if what == "dynamics" else system.noutputs
-    return np.stack(columns, axis=1) if columns else np.empty((size, 0))
-
-
-def _takes_arrays(
-    system: Any, function: Any, what: str, size: int, t: np.ndarray, x: np.ndarray, u: np.ndarray, p: dict[str, Any]
-) -> bool:  # fmt: skip
-    """Whether a function of the system gives the same for points together as one by one, at points of both signs."""
-    spread = np.array([0.0, 1e-3, -1e-3, 0.5, -0.5, 2.0, -2.0])
-    xs, us = (v[:, :1] + spread[::side] * np.maximum(np.abs(v[:, :1]), 0.1) for v, side in ((x, 1), (u, -1)))
-    ts, own = t[0] + 0.1 * np.arange(len(spread)), {name: np.ravel(v)[0] for name, v in p.items()}
-    with np.errstate(all="ignore"), warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        try:
-            single = _one_by_one(system, what, ts, xs, us, own)
-            together = list(map(_full(xs), function(ts, xs, us, {**system.params, **own})))
-            return len(together) == size and bool(np.allclose(together, single, rtol=1e-9, atol=1e-12, equal_nan=True))
-        except Exception:  # a function of one point, whatever it says of arrays
-            return False

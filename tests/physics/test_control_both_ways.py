@@ -95,3 +95,52 @@ def test_parameters_of_points_reach_an_interconnected_system_one_by_one():
     x, k = np.random.default_rng(0).normal(size=(2, 1, 6))
     found = simulator.rhs(0.0, x, np.ones((1, 6)), {"k": k[0]})
     np.testing.assert_allclose(found, 1.0 - k * x, rtol=1e-12)
+
+
+def _loop():
+    """A plant with a controller, a sensor with a gain, and a subsystem of subsystems; parameters of two of them."""
+    plant = control.nlsys(
+        lambda t, x, u, params: [x[1], u[0] - params["k"] * x[0] - params["c"] * abs(x[1]) * x[1]],
+        lambda t, x, u, params: [x[0], x[1]],
+        inputs=["force"], states=["q", "v"], outputs=["q", "v"], params={"k": 4.0, "c": 0.3}, name="plant",
+    )  # fmt: skip
+    lag = control.ss([[-2.0]], [[1.0]], [[2.0]], [[0.0]], inputs=["e"], outputs=["lagged"], name="lag")
+    gain = control.nlsys(
+        None, lambda t, x, u, params: [params["gain"] * (u[0] - u[1])], inputs=["r", "y"], outputs=["e"], params={"gain": 3.0}, name="gain"
+    )  # fmt: skip
+    controller = control.interconnect([gain, lag], inputs=["r", "y"], outputs=["lagged"], name="controller")
+    return control.interconnect(
+        [plant, controller],
+        connections=[["plant.force", "controller.lagged"], ["controller.y", "plant.q"]],
+        inplist=["controller.r"], outlist=["plant.q", "plant.v", "controller.lagged"], inputs=["r"], outputs=["q", "v", "f"],
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("what", ["rhs", "output"])
+def test_an_interconnected_system_is_asked_for_all_points_at_once(what, monkeypatch):
+    loop = _loop()
+    simulator = ControlSimulator(loop, dt=0.1, params={"k": 4.0, "gain": 3.0})
+    rng = np.random.default_rng(0)
+    x, u, k = rng.normal(size=(3, 4, 7)), rng.normal(size=(1, 4, 7)), rng.uniform(1, 3, (4, 7))
+    asked = getattr(loop, "dynamics" if what == "rhs" else "output")
+    points = zip(x.reshape(3, -1).T, u.reshape(1, -1).T, k.ravel())
+    one_by_one = np.stack([asked(0.0, *point, {"k": value, "gain": 3.0}) for *point, value in points], axis=1)
+    getattr(simulator, what)(0.0, x, u, {"k": k, "gain": 3.0})  # probes it
+    for name in ("dynamics", "output"):
+        monkeypatch.setattr(type(loop), name, lambda *given: pytest.fail("asked point by point"))
+    found = getattr(simulator, what)(0.0, x, u, {"k": k, "gain": 3.0})
+    np.testing.assert_allclose(found, one_by_one.reshape(found.shape), rtol=1e-12, atol=1e-12)
+
+
+def test_an_algebraic_loop_is_said():
+    gains = [
+        control.nlsys(None, lambda t, x, u, params: [2.0 * u[0]], inputs=["u"], outputs=["y"], name=name)
+        for name in "ab"
+    ]
+    plant = control.ss([[-1.0]], [[1.0]], [[1.0]], [[0.0]], inputs=["u"], outputs=["y"], name="plant")
+    loop = control.interconnect(
+        [*gains, plant], connections=[["a.u", "b.y"], ["b.u", "a.y"], ["plant.u", "b.y"]], inplist=["a.u"], outlist=["plant.y"],
+        inputs=["r"], outputs=["y"],
+    )  # fmt: skip
+    with pytest.raises(SimulatorError, match="algebraic loop"):
+        ControlSimulator(loop, dt=0.1).simulate(np.ones((5, 1)))
