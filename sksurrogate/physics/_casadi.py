@@ -9,6 +9,7 @@ import numpy as np
 from sklearn.utils.metaestimators import available_if
 
 from sksurrogate.exceptions import SimulatorError, require
+from sksurrogate.physics._casadi_tape import MANY, Tape, tape_of
 from sksurrogate.physics._foreign import at_points, offered
 from sksurrogate.physics._inner import InnerRunsMixin, held_over_samples
 from sksurrogate.physics._ode import ODESimulator
@@ -110,6 +111,10 @@ class CasadiSimulator(InnerRunsMixin, ParametricSimulator):
         self.x0 = x0
         self.units = units
 
+    def __getstate__(self) -> dict[str, Any]:
+        """What is looked up again stays behind."""
+        return {key: value for key, value in super().__getstate__().items() if key != "_tapes"}
+
     @available_if(_is_continuous)
     def rhs(self, t: Any, x: Any, u: Any, p: Mapping[str, Any]) -> np.ndarray:
         """dx/dt, (n_states, *s)."""
@@ -169,7 +174,11 @@ class CasadiSimulator(InnerRunsMixin, ParametricSimulator):
                 "it is a CasADi function already: use simulator.function itself, or write the equations in Python."
             )
         slots = self._slots(function, place, size)
-        return at_points(lambda *given: _evaluated(function, place, size, slots, *given), t, x, u, p)
+        tapes = self.__dict__.setdefault("_tapes", {})
+        if id(function) not in tapes:  # the function is kept, and with it its identity
+            tapes[id(function)] = function, tape_of(function)
+        tape = tapes[id(function)][1]
+        return at_points(lambda *given: _evaluated(function, tape, place, size, slots, *given), t, x, u, p)
 
     def _slots(self, function: Any, place: int, size: int) -> list[tuple[str, tuple[str, ...]]]:
         """For every input of a function: "t", "x", "u" or "p" and, for p, names of the parameters."""
@@ -201,7 +210,7 @@ class CasadiSimulator(InnerRunsMixin, ParametricSimulator):
 
 
 def _evaluated(
-    function: Any, place: int, size: int, slots: list[tuple[str, tuple[str, ...]]], t: Any, x: np.ndarray, u: np.ndarray,
+    function: Any, tape: Tape | None, place: int, size: int, slots: list[tuple[str, tuple[str, ...]]], t: Any, x: np.ndarray, u: np.ndarray,
     p: Mapping[str, Any],
 ) -> np.ndarray:  # fmt: skip
     """An output of a function at flat points, (size, n_points); nan where it fails."""
@@ -225,7 +234,10 @@ def _evaluated(
     if not len(good):
         return out
     try:
-        out[:, good] = called(good)
+        if tape is not None and len(good) >= MANY:
+            out[:, good] = tape(place, [a[:, good] for a in arguments], len(good))
+        else:
+            out[:, good] = called(good)
     except RuntimeError:  # CasADi's own: a root that is not found, an integrator that stops
         for k in good:
             try:

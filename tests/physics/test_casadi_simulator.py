@@ -10,6 +10,7 @@ from sksurrogate.effects import CATALOGUE, AugmentedSimulator
 from sksurrogate.exceptions import SimulatorError, SurrogateError
 from sksurrogate.export import to_graph
 from sksurrogate.physics import CalibratedSimulator, CasadiSimulator, ODESimulator, StepSimulator
+from sksurrogate.physics._casadi_tape import tape_of
 from sksurrogate.physics._simulator import describe
 from sksurrogate.testing import check_simulator
 
@@ -126,3 +127,43 @@ def test_it_travels():
     for other in (clone(simulator), pickle.loads(pickle.dumps(simulator))):
         np.testing.assert_array_equal(other.simulate(U), expected)
     assert clone(simulator).set_params(params__k=5.0).params == {"k": 5.0, "c": 0.3}
+
+
+def _instructions():
+    """A term of every kind of instruction, of x[0] > 0, x[1] of both signs and p."""
+    x, u, p = ca.SX.sym("x", 2), ca.SX.sym("u"), ca.SX.sym("p")
+    a, b = x[0], x[1]
+    terms = [
+        a + b, a - b, a * b, a / (1 + b * b), -a, a * a, 1 / a, ca.sqrt(a), a**b, a**3, ca.exp(b), ca.log(a), ca.fabs(b), ca.sign(b),
+        ca.copysign(a, b), ca.floor(b), ca.ceil(b), ca.fmod(b, a), ca.fmin(a, b), ca.fmax(a, u), ca.erf(b), ca.sin(b), ca.cos(b),
+        ca.tan(b), ca.asin(ca.tanh(b)), ca.acos(ca.tanh(b)), ca.atan(b), ca.atan2(a, b), ca.sinh(b), ca.cosh(b), ca.tanh(b), ca.asinh(b),
+        ca.acosh(1 + a), ca.atanh(ca.tanh(b)), ca.hypot(a, b), ca.log1p(a), ca.expm1(b), 2 * a, a < u, a <= b, ca.eq(a, b), ca.ne(a, b),
+        ca.logic_not(a < u), ca.logic_and(a < u, b < u), ca.logic_or(a < u, b < u), ca.if_else(b > 0, a, p), 3.5 + 0 * a,
+    ]  # fmt: skip
+    return ca.Function("f", [x, u, p], [ca.vertcat(*terms), p * a], ["x", "u", "p"], ["terms", "second"]), len(terms)
+
+
+@pytest.mark.parametrize("kind", ["SX", "MX"])
+def test_instructions_on_arrays_equal_casadi(kind):
+    function, n = _instructions()
+    if kind == "MX":
+        given = [ca.MX.sym("x", 2), ca.MX.sym("u"), ca.MX.sym("p")]
+        function = ca.Function("g", given, function.call(given), ["x", "u", "p"], ["terms", "second"])
+    rng = np.random.default_rng(0)
+    x, u, p = (
+        np.array([rng.uniform(0.1, 2, 99), rng.normal(size=99)]),
+        rng.normal(size=(1, 99)),
+        rng.normal(size=(1, 99)),
+    )
+    tape, expected = tape_of(function), function.call([ca.DM(x), ca.DM(u), ca.DM(p)])
+    for place, size in ((0, n), (1, 1)):
+        found = tape(place, [x, u, p], 99)
+        assert found.shape == (size, 99)
+        np.testing.assert_allclose(found, expected[place].full(), rtol=1e-13, atol=1e-15)
+
+
+def test_what_calls_a_solver_has_no_instructions():
+    z, x = ca.SX.sym("z"), ca.SX.sym("x")
+    root = ca.rootfinder("root", "newton", {"x": z, "p": x, "g": z**3 + z - x})
+    y = ca.MX.sym("x")
+    assert tape_of(ca.Function("f", [y], [root(0.0, y)])) is None
