@@ -177,10 +177,10 @@ class StribeckFriction(BalanceEffect):
         return np.maximum(theta[0], theta[1])
 
     def plausible(self, theta: Sequence[float], probe: Probe) -> bool:
-        """The variable takes more than a part of a sample to pass the velocity below which friction is larger."""
+        """Friction is larger when slow, and the variable takes more than a part of a sample to pass that velocity."""
         assert probe.v is not None
         change = float(np.sqrt(np.mean(np.diff(probe.v) ** 2))) if len(probe.v) > 1 else 0.0
-        return bool(theta[2] > WITHIN_SAMPLE * change)
+        return bool(theta[1] > theta[0] and theta[2] > WITHIN_SAMPLE * change)
 
     def canonical(self, theta: Sequence[float]) -> tuple[float, ...]:
         """No less at rest than in motion."""

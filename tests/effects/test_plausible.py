@@ -74,6 +74,12 @@ def test_a_friction_is_no_less_at_rest_than_in_motion(name):
     np.testing.assert_array_equal(one, other)
 
 
+def test_a_friction_that_is_no_larger_when_slow_is_a_coulomb_friction():
+    effect, probe = at("stribeck_friction"), Probe(V, V, 1.0, DT, DT * N, N * np.arange(RUNS))
+    assert effect.plausible((1.0, 1.5, 0.3), probe)
+    assert not effect.plausible((1.0, 1.0, 0.3), probe) and not effect.plausible((1.0, 0.2, 0.3), probe)
+
+
 def simulator(extra):
     return ODESimulator(
         lambda t, x, u, p: (u[0] - p["k"] * x[0] + extra(x[0]),), states=["v"], inputs=["f"], outputs=["v"],

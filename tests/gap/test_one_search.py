@@ -1,5 +1,7 @@
 """One search for every kind of access: the same run over sets of effects, the same bounds of the parameters."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -136,3 +138,28 @@ def test_a_wrong_form_beside_a_wrong_name_is_left_for_its_relative():
     assert {effect.name for effect in found.effects} == {"asymmetric_friction", "step_disturbance"}
     assert search.judged[found].left < 1.05
     assert reformed(search, found) is None  # at the noise nothing is exchanged
+
+
+class _Refits(OdeSearch):
+    """A search whose finer fits are known."""
+
+    def polish(self, candidate):
+        return candidate.finer
+
+    def plausible(self, candidate):
+        return candidate.sound
+
+    def order(self, candidates):
+        return lambda candidate: -candidate.fit.cost
+
+
+def test_what_a_finer_fit_makes_implausible_does_not_stand():
+    def one(cost, sound=True):
+        return SimpleNamespace(fit=SimpleNamespace(cost=cost), sound=sound, finer=None)
+
+    first, second = one(10.0), one(11.0)
+    first.finer, second.finer = one(8.0, sound=False), one(9.0)
+    search = _Refits.__new__(_Refits)
+    assert search.best_polished([first, second]) is second.finer
+    second.finer.sound = False
+    assert search.best_polished([first, second]) is first.finer

@@ -169,7 +169,10 @@ def test_of_two_forms_of_one_law_the_nearer_is_enough_within_the_tolerance(monke
     final = one(both, 100.0)
     final.candidate = final
     search = SimpleNamespace(
-        tolerated_cost=tolerated, stood={}, without=lambda _, i: one((both[1 - i],), 500.0 if i == 0 else 300.0)
+        tolerated_cost=tolerated,
+        stood={},
+        plausible=lambda _: True,
+        without=lambda _, i: one((both[1 - i],), 500.0 if i == 0 else 300.0),
     )
     monkeypatch.setattr(_posterior, "_taken", lambda search, fewer, final: fewer)
     assert [effect.name for effect in needed_only(search, final).effects] == left
@@ -189,7 +192,7 @@ def _sets(costs):
         names = "".join(effect.name for k, effect in enumerate(candidate.effects) if k != i)
         return one(names) if names in costs else None
 
-    return SimpleNamespace(tolerated_cost=150.0, stood={}, without=without), one
+    return SimpleNamespace(tolerated_cost=150.0, stood={}, without=without, plausible=lambda _: True), one
 
 
 def test_names_taken_out_one_by_one_have_not_closed_most_together(monkeypatch):
@@ -208,3 +211,13 @@ def test_where_a_name_is_not_needed_the_nearest_set_of_the_size_stands(monkeypat
     monkeypatch.setattr(_posterior, "_taken", lambda search, fewer, final: fewer)
     monkeypatch.setattr(_posterior, "_forms_of_one_law", lambda effects: [])
     assert "".join(effect.name for effect in needed_only(search, one("abc")).effects) == "ad"
+
+
+def test_what_is_left_of_a_set_must_be_plausible_itself(monkeypatch):
+    """Without the friction beside it a power law is nearest with an exponent of zero: a friction again."""
+    search, one = _sets({"ab": 100.0, "a": 130.0, "b": 120.0})
+    monkeypatch.setattr(_posterior, "_taken", lambda search, fewer, final: fewer)
+    monkeypatch.setattr(_posterior, "_forms_of_one_law", lambda effects: [])
+    assert "".join(effect.name for effect in needed_only(search, one("ab")).effects) == "b"
+    search.plausible = lambda one: one.effects[0].name != "b"
+    assert "".join(effect.name for effect in needed_only(search, one("ab")).effects) == "a"

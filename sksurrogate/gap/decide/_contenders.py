@@ -84,9 +84,9 @@ def preferred(own: Contender, others: Sequence[Contender]) -> Contender:
 
 
 def _near(search: OdeSearch, final: Evidence) -> list[OdeCandidate]:
-    """Sets that leave as much of the gap, up to the tolerance: beyond it no law or prior of names decides, but the fit."""
+    """Plausible sets that leave as much of the gap, up to the tolerance: beyond it no law or prior of names decides, but the fit."""
     most = final.fit.cost + search.tolerated_cost
-    return [candidate for candidate in search.fitted.values() if candidate.fit.cost < most]
+    return [one for one in search.fitted.values() if one.fit.cost < most and search.plausible(one)]
 
 
 def _is_swap(one: Sequence[tuple], other: Sequence[tuple]) -> bool:

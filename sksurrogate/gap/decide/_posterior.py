@@ -196,7 +196,7 @@ def _forms_of_one_law(effects: Sequence[BaseEffect]) -> list[int]:
 def _nearest_without(search: OdeSearch, final: Evidence, positions: Iterable[int]) -> OdeCandidate | None:
     """The set without the effect at one of some positions that comes nearest to the data; None where there is none."""
     sets = [search.without(final.candidate, i) for i in positions]
-    known = [one for one in sets if one is not None and one.effects]
+    known = [one for one in sets if one is not None and one.effects and search.plausible(one)]
     return min(known, key=lambda one: one.fit.cost, default=None)
 
 

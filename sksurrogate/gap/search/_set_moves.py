@@ -104,7 +104,10 @@ class SetMoves(BaseSearch[C]):
         return self.polish(likeliest) if names_steps(likeliest) else self.best_polished(singles)
 
     def best_polished(self, candidates: Sequence[C]) -> C:
-        """The best of the first few after each was polished: coarse steps and soft kinks must not choose between them."""
+        """The best of the first few after each was polished: coarse steps and soft kinks must not choose between them.
+
+        What a fit with finer steps has made implausible does not stand, where another is plausible.
+        """
         least = min(candidate.fit.cost for candidate in candidates[:MOST_POLISHED])
         near = [
             candidate
@@ -112,6 +115,7 @@ class SetMoves(BaseSearch[C]):
             if candidate is candidates[0] or candidate.fit.cost < 3.0 * least + 50.0
         ]
         polished = [self.polish(candidate) for candidate in near]
+        polished = [one for one in polished if self.plausible(one)] or polished
         return max(polished, key=self.order(polished))
 
     def polish(self, candidate: C) -> C:
@@ -149,7 +153,8 @@ class SetMoves(BaseSearch[C]):
                 worth = self.order([trial[0], candidate])
                 if worth(trial[0]) > worth(candidate) + 1.0:
                     swapped = self.polish(trial[0])
-                    candidate = swapped if worth(swapped) > worth(candidate) else candidate
+                    better = worth(swapped) > worth(candidate) and self.plausible(swapped)
+                    candidate = swapped if better else candidate
             if candidate is start:
                 break
         return candidate

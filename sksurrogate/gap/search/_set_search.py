@@ -160,7 +160,7 @@ class SetSearch(SetMoves[C]):
         """The candidate, or what is left without an effect that only repaired a wrong first choice."""
         for i in range(len(candidate.effects)):
             smaller = self.without(candidate, i)
-            if smaller is None or not smaller.effects:
+            if smaller is None or not smaller.effects or not self.plausible(smaller):
                 continue
             own = self.judged[candidate]
             self.judge(estimate_noise(smaller, own.noise, own.curvature))
