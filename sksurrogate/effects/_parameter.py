@@ -21,8 +21,9 @@ AT_AN_END = 0.02
 
 
 def within_the_runs(time: float, probe: Probe) -> bool:
-    """Whether the longest run shows both what was before a time and what came after."""
-    return AT_AN_END * probe.duration < time < (1.0 - AT_AN_END) * probe.duration
+    """Whether the longest run shows both what was before a time and what came after: a size and a time follow any two readings."""
+    shown = max(AT_AN_END * probe.duration, 2 * probe.dt)
+    return shown < time < probe.duration - shown
 
 
 class ParameterError(ParameterEffect):

@@ -80,6 +80,17 @@ def test_a_friction_that_is_no_larger_when_slow_is_a_coulomb_friction():
     assert not effect.plausible((1.0, 1.0, 0.3), probe) and not effect.plausible((1.0, 0.2, 0.3), probe)
 
 
+@pytest.mark.parametrize("name", ["step_disturbance", "parameter_step"])
+def test_a_step_at_the_last_two_readings_follows_any_two(name):
+    effect = CATALOGUE[name]("k" if name == "parameter_step" else "v")
+    v = np.linspace(1.0, 2.0, 44)
+    probe = Probe(v, v, 1.0, DT, DT * 43, np.zeros(1, int))
+    for time in (1.5 * DT, 41.5 * DT):
+        assert not effect.plausible((1.0, time), probe)
+    for time in (2.5 * DT, 40.5 * DT):
+        assert effect.plausible((1.0, time), probe)
+
+
 def simulator(extra):
     return ODESimulator(
         lambda t, x, u, p: (u[0] - p["k"] * x[0] + extra(x[0]),), states=["v"], inputs=["f"], outputs=["v"],
