@@ -9,7 +9,7 @@ import numpy as np
 from sklearn.utils.metaestimators import available_if
 
 from sksurrogate.exceptions import SimulatorError, require
-from sksurrogate.physics._casadi_tape import MANY, Tape, tape_of
+from sksurrogate.physics._casadi_tape import MANY_POINTS, Tape, tape_of
 from sksurrogate.physics._foreign import at_points, offered
 from sksurrogate.physics._inner import InnerRunsMixin, held_over_samples
 from sksurrogate.physics._ode import ODESimulator
@@ -234,7 +234,7 @@ def _evaluated(
     if not len(good):
         return out
     try:
-        if tape is not None and len(good) >= MANY:
+        if tape is not None and len(good) >= MANY_POINTS:
             out[:, good] = tape(place, [a[:, good] for a in arguments], len(good))
         else:
             out[:, good] = called(good)

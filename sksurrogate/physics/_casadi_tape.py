@@ -35,7 +35,7 @@ _TESTS: dict[str, Callable[..., Any]] = {
 }  # fmt: skip
 _OPERATIONS |= {name: partial(_as_number, test) for name, test in _TESTS.items()}
 #: Points from which on a call of numpy for every instruction pays.
-MANY = 64
+MANY_POINTS = 64
 
 
 class Tape:
