@@ -170,8 +170,7 @@ class OdeSearch(Expander):
         same_numerics = self.searching(base).numerics == fine.numerics
         reach = min([final.fit.cost, *mine]) if same_numerics else max([final.fit.cost, *mine])
         near = [candidate for candidate in candidates if candidate.fit.cost <= 1.5 * reach + 50.0 * EQUAL]
-        near = near if same_numerics else [self.again(fine, candidate) for candidate in near]
-        return [candidate for candidate in near if self.plausible(candidate)]
+        return near if same_numerics else [self.again(fine, candidate) for candidate in near]
 
     @staticmethod
     def with_onset(
