@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -42,23 +42,26 @@ class ControlPoints:
             return one_by_one(system, what, t, x, u, p)
         return np.stack(list(map(_full(x.shape[1]), together(t, x, u, {**system.params, **p}))))
 
+    def ways(self, what: str) -> tuple[Any, list[Callable[..., Any]]]:
+        """The function that answers, and how it may be asked for all points at once."""
+        system = self.system
+        size = system.nstates if what == "dynamics" else system.noutputs
+        if self.parts:
+            return system, [partial(self.interconnected, what)]
+        if type(system).__name__ != "NonlinearIOSystem":
+            return system, []
+        function = system.updfcn if what == "dynamics" else system.outfcn
+        if function is None:  # outputs without a function are the first states
+            return None, [lambda t, x, u, p: x[:size]] if what == "output" else []
+        return function, [function, Branches(function, size)]
+
     def together(
         self, what: str, t: np.ndarray, x: np.ndarray, u: np.ndarray, p: dict[str, Any]
     ) -> Callable[..., Any] | None:
         """A function of all points; None where they are asked one by one. A few points are asked both ways, once."""
-        system = self.system
-        size = system.nstates if what == "dynamics" else system.noutputs
-        if self.parts:
-            function, ways = None, [lambda *given: self.interconnected(what, *given)]
-        elif type(system).__name__ != "NonlinearIOSystem":
-            return None
-        else:
-            function = {"dynamics": system.updfcn, "output": system.outfcn}[what]
-            if function is None:
-                return (lambda t, x, u, p: x[:size]) if what == "output" else None
-            ways = [function, Branches(function, size)]
-        if self.known.get(what, (None, None))[0] is not function or what not in self.known:
-            found = (one for one in ways if _takes_points(system, one, what, size, t, x, u, p))
+        function, ways = self.ways(what)
+        if what not in self.known or self.known[what][0] is not function:
+            found = (one for one in ways if _takes_points(self.system, one, what, t, x, u, p))
             self.known[what] = function, next(found, None)
         return self.known[what][1]
 
@@ -112,7 +115,7 @@ def _full(n_points: int) -> Callable[[Any], np.ndarray]:
 
 
 def _takes_points(
-    system: Any, function: Any, what: str, size: int, t: np.ndarray, x: np.ndarray, u: np.ndarray, p: dict[str, Any]
+    system: Any, function: Any, what: str, t: np.ndarray, x: np.ndarray, u: np.ndarray, p: dict[str, Any]
 ) -> bool:  # fmt: skip
     """Whether a function of the system gives the same for points together as one by one, at points of both signs."""
     xs, us = (v[:, :1] + SPREAD[::side] * np.maximum(np.abs(v[:, :1]), 0.1) for v, side in ((x, 1), (u, -1)))
@@ -122,6 +125,8 @@ def _takes_points(
         try:
             single = one_by_one(system, what, ts, xs, us, own)
             together = list(map(_full(len(SPREAD)), function(ts, xs, us, {**system.params, **own})))
-            return len(together) == size and bool(np.allclose(together, single, rtol=1e-9, atol=1e-12, equal_nan=True))
+            return len(together) == len(single) and bool(
+                np.allclose(together, single, rtol=1e-9, atol=1e-12, equal_nan=True)
+            )
         except Exception:  # a function of one point, whatever it says of arrays
             return False
