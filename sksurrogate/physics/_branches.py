@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from scipy import special
 
+from sksurrogate.physics._entries import MODULES, REPLACED, entries
 from sksurrogate.physics._foreign import offered
 
 #: Time, states, inputs, parameters.
@@ -77,6 +78,9 @@ class Branches:
     function : callable
     size : int
         Components that it returns.
+    vectors : bool, default=False
+        States and inputs are vectors whose entries are points, and the vectors and matrices that numpy makes inside the function hold
+        points too. What the function cannot do with these is asked point by point.
 
     Examples
     --------
@@ -86,13 +90,14 @@ class Branches:
     [-2.0, 0.5, 2.0]
     """
 
-    def __init__(self, function: Callable[..., Any], size: int):
+    def __init__(self, function: Callable[..., Any], size: int, vectors: bool = False):
         self.function = function
         self.size = size
-        self._on_arrays = _Rewritten().of(function)
+        self.vectors = vectors
+        self._on_arrays = _Rewritten(vectors).of(function)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return type(self), (self.function, self.size)
+        return type(self), (self.function, self.size, self.vectors)
 
     def __call__(self, t: Any, x: np.ndarray, u: np.ndarray, p: Mapping[str, Any], *extra: Any) -> Any:
         if x.ndim < 2:
@@ -118,7 +123,9 @@ class Branches:
         """All components (size, n_points) at points that may disagree."""
         n_points = x.shape[1]
         try:
-            value = self._on_arrays(_lanes(t), _lanes(x), _lanes(u), {k: _lanes(v) for k, v in p.items()}, *extra)
+            return self._together(
+                n_points, _lanes(t), _lanes(x), _lanes(u), {k: _lanes(v) for k, v in p.items()}, extra
+            )
         except _Mixed as decision:
             if n_points <= _FEW_POINTS:
                 return np.stack([self._single(k, t, x, u, p, extra) for k in range(n_points)], axis=1)
@@ -126,6 +133,16 @@ class Branches:
             for which in (decision.true, ~decision.true):
                 out[:, which] = self._run(*_part(which, t, x, u, p), extra)
             return out
+        except (TypeError, ValueError, AttributeError):
+            if not self.vectors:
+                raise
+            return np.stack([self._single(k, t, x, u, p, extra) for k in range(n_points)], axis=1)
+
+    def _together(self, n_points: int, t: Any, x: Any, u: Any, p: dict[str, Any], extra: tuple[Any, ...]) -> np.ndarray:
+        """All components (size, n_points) at points that take the same branches."""
+        if self.vectors:
+            x, u = entries(list(x)), entries(list(u))
+        value = self._on_arrays(t, x, u, p, *extra)
         components = value if hasattr(value, "__len__") and not _is_row(value, n_points) else [value]
         if len(components) != self.size:
             raise ValueError(f"{len(components)} components, expected {self.size}.")
@@ -220,22 +237,26 @@ class _Names(dict[str, Any]):
 
 
 class _Rewritten:
-    """Functions with the names they use replaced by what takes arrays; each once."""
+    """Functions with the names they use replaced by what takes arrays; each once. ``vectors``: what numpy makes too."""
 
-    def __init__(self) -> None:
+    def __init__(self, vectors: bool = False) -> None:
         self.known: dict[int, Any] = {}
+        self.others = {**_FOR_ARRAYS, **REPLACED} if vectors else _FOR_ARRAYS
+        self.modules = MODULES if vectors else {}
 
     def of(self, value: Any) -> Any:
         """What stands for a value that a function uses; the value itself, as a rule."""
         if value is math:
             return _MATH
+        if id(value) in self.modules:
+            return self.modules[id(value)]
         if value is float:
             return _float
         if isinstance(value, MethodType):
             return MethodType(self.of(value.__func__), value.__self__)
         if isinstance(value, FunctionType) and not _of_a_library(value):
             return self._function(value)
-        return _FOR_ARRAYS.get(id(value), value)
+        return self.others.get(id(value), value)
 
     def _function(self, function: FunctionType) -> Any:
         if id(function) in self.known:

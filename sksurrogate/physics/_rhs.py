@@ -113,12 +113,7 @@ class PointwiseFunction:
                     self._check_refused(error)
             single, known = np.stack(list(answers.values()), axis=1), list(answers)
             xs, us, times = locked(xs[:, known]), locked(us[:, known]), times[: len(known)]
-            self.vectorised = self._agrees(single, times, xs, us, p, *extra)
-            if not self.vectorised:
-                alone, self.function = self.function, Branches(self.function, self.size)
-                self.vectorised = self._agrees(single, times, xs, us, p, *extra)
-                if not self.vectorised:
-                    self.function = alone
+            self._choose(single, times, xs, us, p, *extra)
         self._tell()
         if not self.vectorised and _first_time(self.function):
             warnings.warn(
@@ -128,6 +123,21 @@ class PointwiseFunction:
                 UserWarning,
                 stacklevel=4,
             )
+
+    def _choose(
+        self, single: np.ndarray, t: Any, x: np.ndarray, u: np.ndarray, p: Mapping[str, Any], *extra: Any
+    ) -> None:
+        """The first way to ask for all points at once that takes parameters of every point too, else one that takes numbers."""
+        alone, found = self.function, None
+        of_points = {k: locked(np.full(len(t), v)) for k, v in p.items()}
+        for way in (alone, Branches(alone, self.size), Branches(alone, self.size, vectors=True)):
+            self.function = way
+            if self._agrees(single, t, x, u, p, *extra):
+                found = found or way
+                if self._agrees(single, t, x, u, of_points, *extra):
+                    found = way
+                    break
+        self.function, self.vectorised = found or alone, found is not None
 
     def _agrees(self, single: np.ndarray, *given: Any) -> bool:
         """Whether the function gives for all points at once what it gives for single ones."""

@@ -36,6 +36,19 @@ def of_one_point(t, x, u, p):
     return [x[1], force - p["k"] * x[0] - p["c"] * x[1]]
 
 
+def filled(t, x, u, p):
+    """A vector that is filled entry by entry."""
+    dx = np.zeros(2)
+    dx[0] = x[1]
+    dx[1] = u[0] - p["k"] * x[0] - p["c"] * x[1]
+    return dx
+
+
+def by_matrices(t, x, u, p):
+    """A matrix of parameters."""
+    return np.array([[0.0, 1.0], [-p["k"], -p["c"]]]) @ x + np.array([[0.0], [1.0]]) @ u
+
+
 def nonlinear_system(outputs=None):
     """Of python-control; without a function for the outputs these are both states."""
     names = ["q", "v"] if outputs is None else ["q"]
@@ -73,6 +86,8 @@ def systems():
     return {
         "equations on arrays": ODESimulator(on_arrays, **NAMES),
         "equations for one point": ODESimulator(of_one_point, **NAMES),
+        "equations that fill a vector": ODESimulator(filled, **NAMES),
+        "equations with matrices": ODESimulator(by_matrices, **NAMES),
         "python-control, linear": ControlSimulator(linear, dt=0.05),
         "python-control, nonlinear": ControlSimulator(
             nonlinear_system(lambda t, x, u, params: [x[0]]), dt=0.05, params=PARAMS

@@ -1,0 +1,109 @@
+"""Vectors and matrices of one point whose entries are many points: what numpy makes of numbers, made of rows of points."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+
+def of_points(value: Any) -> bool:
+    """Whether a value is a row of points, or holds some."""
+    if isinstance(value, (list, tuple)):
+        return any(map(of_points, value))
+    return isinstance(value, np.ndarray) and (value.dtype == object or type(value) is not np.ndarray)
+
+
+def entries(rows: Sequence[Any]) -> np.ndarray:
+    """A vector (n,) whose entries are rows of points.
+
+    >>> entries([np.ones(3), 2.0])[0].tolist()
+    [1.0, 1.0, 1.0]
+    """
+    out = np.empty(len(rows), dtype=object)
+    for i, row in enumerate(rows):
+        out[i] = row
+    return out
+
+
+def _nested(values: Any) -> Any:
+    """An array of objects in the shape of nested lists and vectors, rows of points as they are."""
+    if isinstance(values, (list, tuple)) or (isinstance(values, np.ndarray) and values.dtype == object and values.ndim):
+        parts = [_nested(one) for one in values]
+        vectors = [one for one in parts if isinstance(one, np.ndarray) and one.dtype == object]
+        if not vectors:
+            return entries(parts)
+        if len(vectors) < len(parts) or len({one.shape for one in vectors}) > 1:
+            raise ValueError("rows of a matrix differ in length.")
+        return np.stack(vectors)
+    return values
+
+
+def _made(make: Callable[..., Any]) -> Callable[..., Any]:
+    """An array of numbers that rows of points can be written into; one of another kind as it is."""
+
+    def called(shape: Any, *given: Any, **named: Any) -> Any:
+        out = make(shape, *given, **named)
+        return out.astype(object) if out.dtype == np.float64 and type(out) is np.ndarray else out
+
+    return called
+
+
+def _array(values: Any, *given: Any, **named: Any) -> Any:
+    """``np.array`` of numbers, or of rows of points."""
+    return (
+        _nested(values)
+        if of_points(values) and isinstance(values, (list, tuple))
+        else np.array(values, *given, **named)
+    )
+
+
+def _asarray(values: Any, *given: Any, **named: Any) -> Any:
+    """``np.asarray``: vectors of points stay as they are."""
+    return values if isinstance(values, np.ndarray) and of_points(values) else _array(values, *given, **named)
+
+
+def _stacked(matrix: Any) -> np.ndarray:
+    """Vector or matrix of rows of points as numbers, (n_points, ...)."""
+    flat = np.broadcast_arrays(*(np.asarray(one, dtype=float) for one in np.asarray(matrix, dtype=object).ravel()))
+    return np.stack(flat, axis=-1).reshape(-1, *np.shape(matrix)) if len(flat) else np.empty((0, 0))
+
+
+def _unstacked(values: np.ndarray) -> np.ndarray:
+    """The way back, (n_points, ...) to a vector or matrix of rows."""
+    rows = np.moveaxis(values, 0, -1).reshape(-1, len(values))
+    return entries(list(rows)).reshape(values.shape[1:])
+
+
+def _solve(matrix: Any, right: Any) -> Any:
+    """``np.linalg.solve`` at every point."""
+    if not (of_points(matrix) or of_points(right)):
+        return np.linalg.solve(matrix, right)
+    A, b = _stacked(matrix), _stacked(right)
+    return _unstacked(np.linalg.solve(A, b[..., None])[..., 0] if np.ndim(right) == 1 else np.linalg.solve(A, b))
+
+
+def _inv(matrix: Any) -> Any:
+    """``np.linalg.inv`` at every point."""
+    return _unstacked(np.linalg.inv(_stacked(matrix))) if of_points(matrix) else np.linalg.inv(matrix)
+
+
+#: Functions of numpy that make vectors and matrices, or take them, for points.
+REPLACED: dict[int, Callable[..., Any]] = {
+    id(np.array): _array, id(np.asarray): _asarray, id(np.linalg.solve): _solve, id(np.linalg.inv): _inv,
+    **{id(make): _made(make) for make in (np.zeros, np.ones, np.empty)},
+}  # fmt: skip
+
+
+def _module(original: ModuleType, **others: Any) -> ModuleType:
+    """A module whose functions take points."""
+    out = ModuleType(original.__name__)
+    out.__dict__.update({name: REPLACED.get(id(value), value) for name, value in vars(original).items()} | others)
+    return out
+
+
+LINALG = _module(np.linalg)
+#: ``numpy`` and ``numpy.linalg`` for functions of one point.
+MODULES = {id(np): _module(np, linalg=LINALG), id(np.linalg): LINALG}

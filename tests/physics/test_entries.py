@@ -1,0 +1,120 @@
+"""Functions of one point that make vectors and matrices: called for many points, each entry of these holds the points."""
+
+import warnings
+
+import numpy as np
+import pytest
+
+from sksurrogate.physics import ODESimulator
+from sksurrogate.physics._branches import Branches
+from sksurrogate.physics._rhs import PointwiseFunction
+
+B = np.array([[0.0], [1.0]])
+
+
+def filled(t, x, u, p):
+    """As in a lecture: zeros, then one entry after the other."""
+    dx = np.zeros(2)
+    dx[0] = x[1]
+    dx[1] = u[0] - p["k"] * x[0]
+    dx[1] -= p["c"] * x[1]
+    return dx
+
+
+def matrix(t, x, u, p):
+    """A matrix of parameters."""
+    A = np.array([[0.0, 1.0], [-p["k"], -p["c"]]])
+    return A @ x + B @ u
+
+
+def matrix_that_is_filled(t, x, u, p):
+    A = np.zeros((2, 2))
+    A[0, 1], A[1] = 1.0, [-p["k"], -p["c"]]
+    return np.dot(A, x) + B.dot(u)
+
+
+def branching(t, x, u, p):
+    dx = np.empty(2)
+    dx[:] = x[1], u[0] - p["k"] * x[0]
+    if x[1] > 0:
+        dx[1] -= p["c"]
+    else:
+        dx[1] += p["c"]
+    return dx
+
+
+def arm(t, x, u, p):
+    """Two joints: the accelerations solve the mass matrix."""
+    q, v = np.array([x[0], 2.0 * x[0]]), np.array([x[1], x[1] ** 2])
+    c, s = np.cos(q[1]), np.sin(q[1])
+    M = np.array([[3.0 + 2.0 * c * p["k"], 1.0 + c], [1.0 + c, 1.5]])
+    turned = np.array([-s * v[1] * (2.0 * v[0] + v[1]), s * v[0] ** 2])
+    return np.linalg.solve(M, np.array([u[0], 0.0]) - turned)
+
+
+def inverse(t, x, u, p):
+    return np.linalg.inv(np.array([[2.0 + x[0] ** 2, p["c"]], [0.0, 1.0]])) @ np.array([u[0], x[1]])
+
+
+def solved_for_columns(t, x, u, p):
+    both = np.linalg.solve(np.array([[2.0 + x[0] ** 2, 0.1], [0.1, p["k"]]]), np.array([[u[0], 0.0], [x[1], 1.0]]))
+    return [both[0, 0] + both[1, 1], both[1, 0]]
+
+
+ALL = [filled, matrix, matrix_that_is_filled, branching, arm, inverse, solved_for_columns]
+
+
+def points(n, varied):
+    rng = np.random.default_rng(0)
+    k = rng.uniform(0.5, 1.0, n) if varied else 0.8
+    return rng.normal(size=(2, n)), rng.normal(size=(1, n)), {"k": k, "c": 0.3}
+
+
+def one_by_one(function, x, u, p):
+    each = [{name: float(np.broadcast_to(v, x.shape[1])[m]) for name, v in p.items()} for m in range(x.shape[1])]
+    return np.stack([np.array(function(0.0, x[:, m], u[:, m], each[m]), float) for m in range(x.shape[1])], axis=1)
+
+
+@pytest.mark.parametrize("varied", [False, True])
+@pytest.mark.parametrize("n", [1, 2, 7, 200])
+@pytest.mark.parametrize("function", ALL)
+def test_the_values_of_single_points(function, n, varied):
+    x, u, p = points(n, varied)
+    found = Branches(function, 2, vectors=True)(0.0, x, u, p)
+    np.testing.assert_allclose(found, one_by_one(function, x, u, p), rtol=1e-12, atol=1e-14)
+
+
+@pytest.mark.parametrize("function", ALL)
+def test_a_probe_finds_the_way_and_few_calls_follow(function):
+    calls = []
+
+    def counted(t, x, u, p):
+        calls.append(1)
+        return function(t, x, u, p)
+
+    asked = PointwiseFunction(counted, 2, "rhs", ["q", "v"])
+    for varied in (False, True):
+        x, u, p = points(400, varied)
+        asked(0.0, x, u, p)
+        calls.clear()
+        found = asked(0.0, x, u, p)
+        assert len(calls) <= 3
+        np.testing.assert_allclose(found, one_by_one(function, x, u, p), rtol=1e-12, atol=1e-14)
+
+
+def test_what_has_no_way_is_asked_point_by_point():
+    def determinant(t, x, u, p):
+        return [np.linalg.det(np.array([[x[0], x[1]], [u[0], 1.0]])), x[0]]
+
+    x, u, p = points(50, True)
+    found = Branches(determinant, 2, vectors=True)(0.0, x, u, p)
+    np.testing.assert_allclose(found, one_by_one(determinant, x, u, p), rtol=1e-12)
+
+
+def test_a_simulator_runs_it_without_a_warning_and_as_the_array_form():
+    names = {"states": ["q", "v"], "inputs": ["u"], "outputs": ["q"], "params": {"k": 4.0, "c": 0.3}, "dt": 0.05}
+    U = np.random.default_rng(1).normal(size=(60, 1))
+    plain = ODESimulator(lambda t, x, u, p: (x[1], u[0] - p["k"] * x[0] - p["c"] * x[1]), **names)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        np.testing.assert_allclose(ODESimulator(filled, **names).simulate(U), plain.simulate(U), rtol=1e-12, atol=1e-14)
