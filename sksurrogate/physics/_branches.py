@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import operator
 from collections.abc import Callable, Mapping
 from types import CellType, CodeType, FunctionType, MethodType, ModuleType
 from typing import Any
@@ -13,6 +12,7 @@ from scipy import special
 
 from sksurrogate.physics._entries import MODULES, REPLACED, entries
 from sksurrogate.physics._foreign import offered
+from sksurrogate.physics._lanes import Entry, Lanes, Mixed
 
 #: Time, states, inputs, parameters.
 _Part = tuple[Any, np.ndarray, np.ndarray, dict[str, Any]]
@@ -31,40 +31,6 @@ _SAME_NAMES = (
 )  # fmt: skip
 
 
-class _Mixed(BaseException):
-    """Points do not decide alike. No ``except Exception`` of the user's function stops it."""
-
-    def __init__(self, true: np.ndarray):
-        self.true = true
-
-
-def _unchanged(operation: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
-    return lambda self, other: operation(self, other)
-
-
-class _Lanes(np.ndarray):
-    """Points side by side; asked whether they are true, they answer only if all of them agree."""
-
-    def __bool__(self) -> bool:
-        true = np.asarray(self) != 0
-        if true.ndim > 1:
-            raise TypeError("a comparison of several components has no single answer at a point.")
-        if true.all():
-            return True
-        if not true.any():
-            return False
-        raise _Mixed(true)
-
-    # A number is never changed by ``a += b``; nor are points, whose array may have another name too.
-    __iadd__ = _unchanged(operator.add)  # type: ignore[assignment]
-    __isub__ = _unchanged(operator.sub)  # type: ignore[assignment]
-    __imul__ = _unchanged(operator.mul)  # type: ignore[assignment]
-    __itruediv__ = _unchanged(operator.truediv)  # type: ignore[assignment]
-    __ifloordiv__ = _unchanged(operator.floordiv)  # type: ignore[assignment]
-    __imod__ = _unchanged(operator.mod)  # type: ignore[assignment]
-    __ipow__ = _unchanged(operator.pow)  # type: ignore[assignment]
-
-
 class Branches:
     """``function(t, x, u, p, *extra)`` for points ``(n, n_points)``, though it has an ``if``, ``max`` or ``math.exp`` for one point.
 
@@ -80,7 +46,7 @@ class Branches:
         Components that it returns.
     vectors : bool, default=False
         States and inputs are vectors whose entries are points, and the vectors and matrices that numpy makes inside the function hold
-        points too. What the function cannot do with these is asked point by point.
+        points too.
 
     Examples
     --------
@@ -94,6 +60,8 @@ class Branches:
         self.function = function
         self.size = size
         self.vectors = vectors
+        #: Whether points that cannot be taken together after all are asked one by one
+        self.patient = False
         self._on_arrays = _Rewritten(vectors).of(function)
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -126,7 +94,7 @@ class Branches:
             return self._together(
                 n_points, _lanes(t), _lanes(x), _lanes(u), {k: _lanes(v) for k, v in p.items()}, extra
             )
-        except _Mixed as decision:
+        except Mixed as decision:
             if n_points <= _FEW_POINTS:
                 return np.stack([self._single(k, t, x, u, p, extra) for k in range(n_points)], axis=1)
             out = np.empty((self.size, n_points))
@@ -134,15 +102,19 @@ class Branches:
                 out[:, which] = self._run(*_part(which, t, x, u, p), extra)
             return out
         except (TypeError, ValueError, AttributeError):
-            if not self.vectors:
+            if not self.patient:
                 raise
             return np.stack([self._single(k, t, x, u, p, extra) for k in range(n_points)], axis=1)
 
-    def _together(self, n_points: int, t: Any, x: Any, u: Any, p: dict[str, Any], extra: tuple[Any, ...]) -> np.ndarray:
+    def _together(
+        self, n_points: int, t: Any, x: np.ndarray, u: np.ndarray, p: Mapping[str, Any], extra: tuple[Any, ...]
+    ) -> np.ndarray:
         """All components (size, n_points) at points that take the same branches."""
         if self.vectors:
-            x, u = entries(list(x)), entries(list(u))
-        value = self._on_arrays(t, x, u, p, *extra)
+            given = _lanes(t, Entry), *(entries([_lanes(row, Entry) for row in rows]) for rows in (x, u))
+            value = self._on_arrays(*given, {k: _lanes(v, Entry) for k, v in p.items()}, *extra)
+        else:
+            value = self._on_arrays(_lanes(t), _lanes(x), _lanes(u), {k: _lanes(v) for k, v in p.items()}, *extra)
         components = value if hasattr(value, "__len__") and not _is_row(value, n_points) else [value]
         if len(components) != self.size:
             raise ValueError(f"{len(components)} components, expected {self.size}.")
@@ -164,11 +136,11 @@ def _flat(value: Any) -> Any:
     return value.reshape(-1) if isinstance(value, np.ndarray) and value.ndim else value
 
 
-def _lanes(value: Any) -> Any:
+def _lanes(value: Any, kind: type[Lanes] = Lanes) -> Any:
     """Points that decide together and that nobody may write into: a run that starts again needs them as they were."""
     if not isinstance(value, np.ndarray) or not value.ndim:
         return value
-    lanes = value.view(_Lanes)
+    lanes = value.view(kind)
     lanes.setflags(write=False)
     return lanes
 
@@ -183,8 +155,8 @@ def _part(which: Any, t: Any, x: np.ndarray, u: np.ndarray, p: Mapping[str, Any]
 
 
 def _is_row(value: Any, n_points: int) -> bool:
-    """Whether an answer is one component for all points."""
-    return isinstance(value, np.ndarray) and value.shape == (n_points,)
+    """Whether an answer is one component for all points, and no vector of as many entries."""
+    return isinstance(value, np.ndarray) and value.shape == (n_points,) and value.dtype != object
 
 
 # ---- functions ------------------------------------------------------------------------------------------------------
@@ -203,7 +175,7 @@ def _as_in_math(scalar: Callable[..., Any], on_arrays: Callable[..., Any]) -> Ca
             if bad.all():
                 return scalar(*(float(np.ravel(one)[0]) for one in given))  # it raises, in its own words
             if bad.any():
-                raise _Mixed(np.asarray(bad))
+                raise Mixed(np.asarray(bad))
         return out
 
     return called

@@ -8,12 +8,14 @@ from typing import Any
 
 import numpy as np
 
+from sksurrogate.physics._lanes import Entry
+
 
 def of_points(value: Any) -> bool:
     """Whether a value is a row of points, or holds some."""
     if isinstance(value, (list, tuple)):
         return any(map(of_points, value))
-    return isinstance(value, np.ndarray) and (value.dtype == object or type(value) is not np.ndarray)
+    return isinstance(value, np.ndarray) and (value.dtype == object or isinstance(value, Entry))
 
 
 def entries(rows: Sequence[Any]) -> np.ndarray:
@@ -74,7 +76,7 @@ def _stacked(matrix: Any) -> np.ndarray:
 def _unstacked(values: np.ndarray) -> np.ndarray:
     """The way back, (n_points, ...) to a vector or matrix of rows."""
     rows = np.moveaxis(values, 0, -1).reshape(-1, len(values))
-    return entries(list(rows)).reshape(values.shape[1:])
+    return entries([row.view(Entry) for row in rows]).reshape(values.shape[1:])
 
 
 def _solve(matrix: Any, right: Any) -> Any:
@@ -90,10 +92,21 @@ def _inv(matrix: Any) -> Any:
     return _unstacked(np.linalg.inv(_stacked(matrix))) if of_points(matrix) else np.linalg.inv(matrix)
 
 
+def _of_points(function: Callable[..., Any]) -> Callable[..., Any]:
+    """A function that forgets of which kind the points were that it took."""
+
+    def called(*given: Any, **named: Any) -> Any:
+        out = function(*given, **named)
+        return out.view(Entry) if any(isinstance(one, Entry) for one in given) and np.ndim(out) == 1 else out
+
+    return called
+
+
 #: Functions of numpy that make vectors and matrices, or take them, for points.
 REPLACED: dict[int, Callable[..., Any]] = {
     id(np.array): _array, id(np.asarray): _asarray, id(np.linalg.solve): _solve, id(np.linalg.inv): _inv,
     **{id(make): _made(make) for make in (np.zeros, np.ones, np.empty)},
+    **{id(function): _of_points(function) for function in (np.where, np.interp)},
 }  # fmt: skip
 
 

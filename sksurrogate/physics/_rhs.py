@@ -138,6 +138,8 @@ class PointwiseFunction:
                     found = way
                     break
         self.function, self.vectorised = found or alone, found is not None
+        if isinstance(found, Branches):
+            found.patient = found.vectors
 
     def _agrees(self, single: np.ndarray, *given: Any) -> bool:
         """Whether the function gives for all points at once what it gives for single ones."""

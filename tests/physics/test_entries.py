@@ -61,7 +61,20 @@ def solved_for_columns(t, x, u, p):
     return [both[0, 0] + both[1, 1], both[1, 0]]
 
 
-ALL = [filled, matrix, matrix_that_is_filled, branching, arm, inverse, solved_for_columns]
+def times_a_column(t, x, u, p):
+    """Numbers times a column, a row of a matrix, a matrix of ones."""
+    A = np.array([[0.0, 1.0], [-4.0, -0.3]])
+    return A @ np.asarray(x) + B[:, 0] * u[0] + p["c"] * (np.eye(2) * x[0])[1] + np.ones(2) * p["k"]
+
+
+def table(t, x, u, p):
+    """What numpy gives of points without their kind, beside vectors of as many numbers as there are points in a test."""
+    weights = np.linspace(0.0, 1.0, 200)
+    bent = np.interp(x[0], [-1.0, 0.0, 1.0], [0.0, 0.2, 1.0]) + np.where(x[1] > 0, x[1], 0.5 * x[1])
+    return np.array([np.sum(weights * bent), bent]) + np.zeros(2)
+
+
+ALL = [times_a_column, table, filled, matrix, matrix_that_is_filled, branching, arm, inverse, solved_for_columns]
 
 
 def points(n, varied):
@@ -102,13 +115,29 @@ def test_a_probe_finds_the_way_and_few_calls_follow(function):
         np.testing.assert_allclose(found, one_by_one(function, x, u, p), rtol=1e-12, atol=1e-14)
 
 
-def test_what_has_no_way_is_asked_point_by_point():
-    def determinant(t, x, u, p):
-        return [np.linalg.det(np.array([[x[0], x[1]], [u[0], 1.0]])), x[0]]
+def determinant(t, x, u, p):
+    return [np.linalg.det(np.array([[x[0], x[1]], [u[0], 1.0]])), x[0]]
 
+
+def test_what_has_no_way_is_said_to_be_slow():
     x, u, p = points(50, True)
-    found = Branches(determinant, 2, vectors=True)(0.0, x, u, p)
+    with pytest.raises((TypeError, ValueError)):
+        Branches(determinant, 2, vectors=True)(0.0, x, u, p)
+    with pytest.warns(UserWarning, match="point by point"):
+        found = PointwiseFunction(determinant, 2, "rhs", ["q", "v"])(0.0, x, u, p)
     np.testing.assert_allclose(found, one_by_one(determinant, x, u, p), rtol=1e-12)
+
+
+def test_a_branch_that_no_probe_met_is_asked_point_by_point():
+    def rare(t, x, u, p):
+        dx = np.zeros(2)
+        dx[0] = x[1]
+        return determinant(t, x, u, p) if x[0] > 50 else dx
+
+    asked, (x, u, p) = PointwiseFunction(rare, 2, "rhs", ["q", "v"]), points(200, True)
+    asked(0.0, x, u, p)
+    x[0, :100] += 100.0
+    np.testing.assert_allclose(asked(0.0, x, u, p), one_by_one(rare, x, u, p), rtol=1e-12)
 
 
 def test_a_simulator_runs_it_without_a_warning_and_as_the_array_form():
