@@ -38,9 +38,12 @@ class ControlPoints:
             of_states, of_inputs = (system.A, system.B) if what == "dynamics" else (system.C, system.D)
             return np.asarray(of_states) @ x + np.asarray(of_inputs) @ u
         together = self.together(what, t, x, u, p) if x.shape[1] > 1 else None
-        if together is None:
-            return one_by_one(system, what, t, x, u, p)
-        return np.stack(list(map(_full(x.shape[1]), together(t, x, u, {**system.params, **p}))))
+        if together is not None:
+            try:
+                return np.stack(list(map(_full(x.shape[1]), together(t, x, u, {**system.params, **p}))))
+            except (TypeError, ValueError):  # parameters of every point, a branch that no trial met
+                pass
+        return one_by_one(system, what, t, x, u, p)
 
     def ways(self, what: str) -> tuple[Any, list[Callable[..., Any]]]:
         """The function that answers, and how it may be asked for all points at once."""
@@ -53,7 +56,7 @@ class ControlPoints:
         function = system.updfcn if what == "dynamics" else system.outfcn
         if function is None:  # outputs without a function are the first states
             return None, [lambda t, x, u, p: x[:size]] if what == "output" else []
-        return function, [function, Branches(function, size)]
+        return function, [function, Branches(function, size), Branches(function, size, vectors=True)]
 
     def together(
         self, what: str, t: np.ndarray, x: np.ndarray, u: np.ndarray, p: dict[str, Any]

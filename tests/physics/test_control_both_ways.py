@@ -145,3 +145,18 @@ def test_an_algebraic_loop_is_said():
     )  # fmt: skip
     with pytest.raises(SimulatorError, match="algebraic loop"):
         ControlSimulator(loop, dt=0.1).simulate(np.ones((5, 1)))
+
+
+@pytest.mark.parametrize("varied", [False, True])
+def test_a_nonlinear_system_with_vectors_is_asked_for_all_points(varied):
+    def update(t, x, u, params):
+        dx = np.zeros(2)
+        dx[0] = x[1]
+        dx[1] = np.array([-params["k"], -0.3]) @ x + u[0]
+        return dx
+
+    system = control.nlsys(update, None, inputs=["u"], states=["q", "v"], outputs=["q", "v"], params={"k": 4.0})
+    simulator, rng = ControlSimulator(system, dt=0.1), np.random.default_rng(0)
+    x, u, k = rng.normal(size=(2, 60)), rng.normal(size=(1, 60)), rng.uniform(1, 3, 60) if varied else 2.0
+    expected = [x[1], -k * x[0] - 0.3 * x[1] + u[0]]
+    np.testing.assert_allclose(simulator.rhs(0.0, x, u, {"k": k}), expected, rtol=1e-12, atol=1e-14)
