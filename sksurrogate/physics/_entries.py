@@ -67,6 +67,26 @@ def _asarray(values: Any, *given: Any, **named: Any) -> Any:
     return values if isinstance(values, np.ndarray) and of_points(values) else _array(values, *given, **named)
 
 
+def _joined(join: Callable[..., Any]) -> Callable[..., Any]:
+    """``np.concatenate`` or ``np.hstack`` of vectors, of lists of points, and of points that are one number each."""
+
+    def called(parts: Any, *given: Any, **named: Any) -> Any:
+        vectors = [entries([one]) if isinstance(one, Entry) else _asarray(one) for one in parts]
+        return join(vectors if of_points(vectors) else parts, *given, **named)
+
+    return called
+
+
+def _diag(values: Any, *given: Any) -> Any:
+    """``np.diag`` of a vector of points."""
+    vector = _asarray(values)
+    if vector.dtype != object or vector.ndim != 1 or given:
+        return np.diag(values, *given)
+    out = np.zeros((len(vector), len(vector))).astype(object)
+    out[np.diag_indices(len(vector))] = vector
+    return out
+
+
 def _stacked(matrix: Any) -> np.ndarray:
     """Vector or matrix of rows of points as numbers, (n_points, ...)."""
     flat = np.broadcast_arrays(*(np.asarray(one, dtype=float) for one in np.asarray(matrix, dtype=object).ravel()))
@@ -104,8 +124,9 @@ def _of_points(function: Callable[..., Any]) -> Callable[..., Any]:
 
 #: Functions of numpy that make vectors and matrices, or take them, for points.
 REPLACED: dict[int, Callable[..., Any]] = {
-    id(np.array): _array, id(np.asarray): _asarray, id(np.linalg.solve): _solve, id(np.linalg.inv): _inv,
+    id(np.array): _array, id(np.asarray): _asarray, id(np.diag): _diag, id(np.linalg.solve): _solve, id(np.linalg.inv): _inv,
     **{id(make): _made(make) for make in (np.zeros, np.ones, np.empty)},
+    **{id(join): _joined(join) for join in (np.concatenate, np.hstack)},
     **{id(function): _of_points(function) for function in (np.where, np.interp)},
 }  # fmt: skip
 

@@ -74,7 +74,25 @@ def table(t, x, u, p):
     return np.array([np.sum(weights * bent), bent]) + np.zeros(2)
 
 
-ALL = [times_a_column, table, filled, matrix, matrix_that_is_filled, branching, arm, inverse, solved_for_columns]
+def joined(t, x, u, p):
+    """Parts of vectors, a diagonal, points among numbers."""
+    D = np.diag([p["k"], p["c"]])
+    whole = np.concatenate([[x[1]], D @ x, np.hstack([u[0], x[:1], 2.0])])
+    return whole[1:3] + np.hstack((x[1:], u)) * whole[-1]
+
+
+ALL = [
+    joined,
+    times_a_column,
+    table,
+    filled,
+    matrix,
+    matrix_that_is_filled,
+    branching,
+    arm,
+    inverse,
+    solved_for_columns,
+]
 
 
 def points(n, varied):
