@@ -17,8 +17,8 @@ from sksurrogate.physics._lanes import Entry, Lanes, Mixed
 #: Time, states, inputs, parameters.
 _Part = tuple[Any, np.ndarray, np.ndarray, dict[str, Any]]
 
-#: So few points that disagree are asked one by one.
-_FEW_POINTS = 32
+#: So few points that disagree are asked one by one; so few whose vectors would have to be made of entries too.
+_FEW_POINTS, _FEW_VECTORS = 32, 8
 #: Functions of :mod:`math` that numpy has under another name, or scipy has.
 _OTHER_NAMES = {
     "fabs": np.fabs, "pow": np.power, "erf": special.erf, "erfc": special.erfc, "gamma": special.gamma, "lgamma": special.gammaln,
@@ -60,7 +60,7 @@ class Branches:
         self.function = function
         self.size = size
         self.vectors = vectors
-        #: Whether points that cannot be taken together after all are asked one by one
+        #: Whether few points, and those that cannot be taken together after all, are asked one by one
         self.patient = False
         self._on_arrays = _Rewritten(vectors).of(function)
 
@@ -90,13 +90,13 @@ class Branches:
     def _run(self, t: Any, x: np.ndarray, u: np.ndarray, p: Mapping[str, Any], extra: tuple[Any, ...]) -> np.ndarray:
         """All components (size, n_points) at points that may disagree."""
         n_points = x.shape[1]
+        if self.patient and n_points <= _FEW_VECTORS:
+            return self._each(n_points, t, x, u, p, extra)
         try:
-            return self._together(
-                n_points, _lanes(t), _lanes(x), _lanes(u), {k: _lanes(v) for k, v in p.items()}, extra
-            )
+            return self._together(n_points, t, x, u, p, extra)
         except Mixed as decision:
             if n_points <= _FEW_POINTS:
-                return np.stack([self._single(k, t, x, u, p, extra) for k in range(n_points)], axis=1)
+                return self._each(n_points, t, x, u, p, extra)
             out = np.empty((self.size, n_points))
             for which in (decision.true, ~decision.true):
                 out[:, which] = self._run(*_part(which, t, x, u, p), extra)
@@ -104,7 +104,13 @@ class Branches:
         except (TypeError, ValueError, AttributeError):
             if not self.patient:
                 raise
-            return np.stack([self._single(k, t, x, u, p, extra) for k in range(n_points)], axis=1)
+            return self._each(n_points, t, x, u, p, extra)
+
+    def _each(
+        self, n_points: int, t: Any, x: np.ndarray, u: np.ndarray, p: Mapping[str, Any], extra: tuple[Any, ...]
+    ) -> np.ndarray:
+        """All components (size, n_points), point by point."""
+        return np.stack([self._single(k, t, x, u, p, extra) for k in range(n_points)], axis=1)
 
     def _together(
         self, n_points: int, t: Any, x: np.ndarray, u: np.ndarray, p: Mapping[str, Any], extra: tuple[Any, ...]

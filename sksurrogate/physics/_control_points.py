@@ -66,6 +66,8 @@ class ControlPoints:
         if what not in self.known or self.known[what][0] is not function:
             found = (one for one in ways if _takes_points(self.system, one, what, t, x, u, p))
             self.known[what] = function, next(found, None)
+            if isinstance(chosen := self.known[what][1], Branches):
+                chosen.patient = chosen.vectors
         return self.known[what][1]
 
     def interconnected(self, what: str, t: np.ndarray, x: np.ndarray, u: np.ndarray, p: dict[str, Any]) -> np.ndarray:
