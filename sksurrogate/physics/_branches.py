@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from functools import partial
 from types import CellType, CodeType, FunctionType, MethodType, ModuleType
 from typing import Any
 
@@ -62,7 +63,8 @@ class Branches:
         self.vectors = vectors
         #: Whether few points, and those that cannot be taken together after all, are asked one by one
         self.patient = False
-        self._on_arrays = _Rewritten(vectors).of(function)
+        called: Any = function.__call__  # type: ignore[operator]  # a method, where function is an object of the user's
+        self._on_arrays = _Rewritten(vectors).of(called if isinstance(called, MethodType) else function)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), (self.function, self.size, self.vectors)
@@ -232,6 +234,8 @@ class _Rewritten:
             return _float
         if isinstance(value, MethodType):
             return MethodType(self.of(value.__func__), value.__self__)
+        if isinstance(value, partial):
+            return partial(self.of(value.func), *value.args, **value.keywords)
         if isinstance(value, FunctionType) and not _of_a_library(value):
             return self._function(value)
         return self.others.get(id(value), value)
