@@ -67,7 +67,7 @@ class Branches:
         self._on_arrays = _Rewritten(vectors).of(called if isinstance(called, MethodType) else function)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return type(self), (self.function, self.size, self.vectors)
+        return type(self), (self.function, self.size, self.vectors), {"patient": self.patient}
 
     def __call__(self, t: Any, x: np.ndarray, u: np.ndarray, p: Mapping[str, Any], *extra: Any) -> Any:
         if x.ndim < 2:

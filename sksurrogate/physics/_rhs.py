@@ -79,6 +79,8 @@ class PointwiseFunction:
         self.input_range = input_range
         self.raised = {} if raised is None else raised
         self.vectorised: bool | None = None
+        #: The function where a parameter differs from point to point, if another way is needed then
+        self.on_rows: Callable[..., Any] | None = None
         #: What the function raised when it last refused a point.
         self.refusal = ""
         self._copies, self._wrote = False, ""
@@ -127,19 +129,19 @@ class PointwiseFunction:
     def _choose(
         self, single: np.ndarray, t: Any, x: np.ndarray, u: np.ndarray, p: Mapping[str, Any], *extra: Any
     ) -> None:
-        """The first way to ask for all points at once that takes parameters of every point too, else one that takes numbers."""
-        alone, found = self.function, None
-        of_points = {k: locked(np.full(len(t), v)) for k, v in p.items()}
-        for way in (alone, Branches(alone, self.size), Branches(alone, self.size, vectors=True)):
-            self.function = way
-            if self._agrees(single, t, x, u, p, *extra):
-                found = found or way
-                if self._agrees(single, t, x, u, of_points, *extra):
-                    found = way
-                    break
+        """The first ways to ask for all points at once: with numbers for parameters, and with a parameter of every point."""
+        alone, of_points = self.function, {k: locked(np.full(len(t), v)) for k, v in p.items()}
+        ways = alone, Branches(alone, self.size), Branches(alone, self.size, vectors=True)
+
+        def first(p: Mapping[str, Any]) -> Callable[..., Any] | None:
+            for self.function in ways:
+                if self._agrees(single, t, x, u, p, *extra):
+                    return self.function
+            return None
+
+        found, self.on_rows = first(p), first(of_points)
         self.function, self.vectorised = found or alone, found is not None
-        if isinstance(found, Branches):
-            found.patient = found.vectors
+        ways[-1].patient = True
 
     def _agrees(self, single: np.ndarray, *given: Any) -> bool:
         """Whether the function gives for all points at once what it gives for single ones."""
@@ -150,14 +152,17 @@ class PointwiseFunction:
 
     def _ask(self, t: Any, x: np.ndarray, u: np.ndarray, p: Mapping[str, Any], *extra: Any) -> Any:
         """The user's function at locked points; on copies where it wants to write into them."""
+        function = self.function
+        if self.on_rows is not None and any(isinstance(v, np.ndarray) and v.ndim for v in p.values()):
+            function = self.on_rows
         if not self._copies:
             try:
-                return self.function(t, x, u, dict(p), *extra)
+                return function(t, x, u, dict(p), *extra)
             except (BufferError, TypeError, ValueError) as error:  # of numpy, Cython and numba
                 if "read-only" not in str(error) and "readonly" not in str(error):
                     raise
         given = (_copied(t), x.copy(), u.copy(), {k: _copied(v) for k, v in p.items()})  # writable ones
-        value = self.function(*given, *extra)
+        value = function(*given, *extra)
         if not self._copies or self.vectorised is None:  # at the first call, and all through a probe
             pairs = zip("txu", given, (t, x, u))
             changed = (name for name, own, kept in pairs if not np.array_equal(own, kept, equal_nan=True))

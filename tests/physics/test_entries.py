@@ -1,5 +1,6 @@
 """Functions of one point that make vectors and matrices: called for many points, each entry of these holds the points."""
 
+import pickle
 import warnings
 from functools import partial
 
@@ -169,6 +170,13 @@ def test_what_has_no_way_is_said_to_be_slow():
     with pytest.warns(UserWarning, match="point by point"):
         found = PointwiseFunction(determinant, 2, "rhs", ["q", "v"])(0.0, x, u, p)
     np.testing.assert_allclose(found, one_by_one(determinant, x, u, p), rtol=1e-12)
+
+
+def test_a_copy_is_as_patient():
+    asked = Branches(filled, 2, vectors=True)
+    asked.patient = True
+    copy = pickle.loads(pickle.dumps(asked))
+    assert (copy.function, copy.size, copy.vectors, copy.patient) == (filled, 2, True, True)
 
 
 def test_a_branch_that_no_probe_met_is_asked_point_by_point():
