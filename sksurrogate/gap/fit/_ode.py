@@ -38,7 +38,7 @@ MOST_KEPT = 32
 SAME_SLOPES = 2e-3
 #: Steps of a fit, and of one again without a fold of runs; all parameters of a simulator that steps are many columns, and re-tuning
 #: alone is a figure beside the diagnosis: it has as many steps as its folds.
-MOST_STEPS, FOLD_STEPS = 25, 8
+FIT_STEPS, FOLD_STEPS = 25, 8
 
 
 @dataclass(frozen=True)
@@ -185,7 +185,7 @@ class OdeCandidate(BaseCandidate):
         nominal = replace(whole, free=()).candidate((), replace(self.fit, theta=np.zeros(0)))
         names, known = tuple(whole.plant.params), dict(zip(whole.free, self.fit.theta))
         theta = np.array([known.get(name, 0.0) for name in names])
-        steps = FOLD_STEPS if self.model.may_jump else MOST_STEPS
+        steps = FOLD_STEPS if self.model.may_jump else FIT_STEPS
         return nominal, replace(whole, free=names).fit((), theta, self.fit.x, max_steps=steps) if names else None
 
 
@@ -263,7 +263,7 @@ class OdeBackend(Backend):
         *,
         best: float = np.inf,
         open_steps: int = 3,
-        max_steps: int = MOST_STEPS,
+        max_steps: int = FIT_STEPS,
         settled: bool = False,
         fallback: np.ndarray | None = None,
     ) -> OdeCandidate | None:
