@@ -259,7 +259,7 @@ class _Rewritten:
 
 
 def _of_a_library(function: FunctionType) -> bool:
-    return function.__module__.partition(".")[0] in ("numpy", "scipy", "sksurrogate")
+    return (function.__module__ or "").partition(".")[0] in ("numpy", "scipy", "sksurrogate")
 
 
 def _global_names(code: CodeType) -> set[str]:

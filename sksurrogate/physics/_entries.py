@@ -77,6 +77,22 @@ def _joined(join: Callable[..., Any]) -> Callable[..., Any]:
     return called
 
 
+def _reduced(reduce: Callable[..., Any]) -> Callable[..., Any]:
+    """``np.sum`` and its like of points in a list: a list is a vector, not a table with a row for each of them."""
+
+    def called(values: Any, *given: Any, **named: Any) -> Any:
+        return reduce(_asarray(values) if of_points(values) else values, *given, **named)
+
+    return called
+
+
+def _mean(values: Any, *given: Any, **named: Any) -> Any:
+    """``np.mean`` of a vector of points."""
+    vector = _asarray(values)
+    plain = given or named or vector.dtype != object or isinstance(vector, Entry)
+    return np.mean(values, *given, **named) if plain else np.sum(vector) / vector.size
+
+
 def _diag(values: Any, *given: Any) -> Any:
     """``np.diag`` of a vector of points."""
     vector = _asarray(values)
@@ -127,6 +143,8 @@ REPLACED: dict[int, Callable[..., Any]] = {
     id(np.array): _array, id(np.asarray): _asarray, id(np.diag): _diag, id(np.linalg.solve): _solve, id(np.linalg.inv): _inv,
     **{id(make): _made(make) for make in (np.zeros, np.ones, np.empty)},
     **{id(join): _joined(join) for join in (np.concatenate, np.hstack)},
+    id(np.mean): _mean,
+    **{id(reduce): _reduced(reduce) for reduce in (np.sum, np.prod, np.max, np.min, np.linalg.norm)},
     **{id(function): _of_points(function) for function in (np.where, np.interp)},
 }  # fmt: skip
 

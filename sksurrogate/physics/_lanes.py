@@ -57,6 +57,22 @@ class Entry(Lanes):
                     *(one if isinstance(one, Entry) or not np.ndim(one) else one[place] for one in spread)
                 )
             return out
+        if "out" in named:
+            raise TypeError("points are one number: nothing is written into them.")
         plain = [one.view(np.ndarray) if isinstance(one, Entry) else one for one in given]
         found = getattr(ufunc, method)(*plain, **named)
         return found.view(Entry) if isinstance(found, np.ndarray) and found.ndim else found
+
+
+def _method(name: str) -> Callable[..., Any]:
+    """What numpy asks every entry of a vector for: ``np.sin(vector)`` is ``entry.sin()``."""
+    function = getattr(np, name)
+    return lambda self, *others: function(self, *others)
+
+
+for _name in (
+    "sin", "cos", "tan", "arcsin", "arccos", "arctan", "arctan2", "sinh", "cosh", "tanh", "arcsinh", "arccosh", "arctanh", "sqrt",
+    "cbrt", "exp", "exp2", "expm1", "log", "log2", "log10", "log1p", "floor", "ceil", "trunc", "rint", "fabs", "hypot", "degrees",
+    "radians", "deg2rad", "rad2deg",
+):  # fmt: skip
+    setattr(Entry, _name, _method(_name))
