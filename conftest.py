@@ -1,4 +1,4 @@
-"""For all tests: no window, one thread a process, no time limit on hypothesis' examples (other jobs may share the machine)."""
+"""For all tests: no window, one thread a process, no time limit on hypothesis' examples, the same random numbers in every run."""
 
 import os
 import sys

@@ -11,10 +11,10 @@ import numpy as np
 from sksurrogate.physics._lanes import Entry
 
 
-def of_points(value: Any) -> bool:
-    """Whether a value is a row of points, or holds some."""
+def holds_points(value: Any) -> bool:
+    """Whether a value is a row of points, or a vector or list with some."""
     if isinstance(value, (list, tuple)):
-        return any(map(of_points, value))
+        return any(map(holds_points, value))
     return isinstance(value, np.ndarray) and (value.dtype == object or isinstance(value, Entry))
 
 
@@ -57,14 +57,14 @@ def _array(values: Any, *given: Any, **named: Any) -> Any:
     """``np.array`` of numbers, or of rows of points."""
     return (
         _nested(values)
-        if of_points(values) and isinstance(values, (list, tuple))
+        if holds_points(values) and isinstance(values, (list, tuple))
         else np.array(values, *given, **named)
     )
 
 
 def _asarray(values: Any, *given: Any, **named: Any) -> Any:
     """``np.asarray``: vectors of points stay as they are."""
-    return values if isinstance(values, np.ndarray) and of_points(values) else _array(values, *given, **named)
+    return values if isinstance(values, np.ndarray) and holds_points(values) else _array(values, *given, **named)
 
 
 def _joined(join: Callable[..., Any]) -> Callable[..., Any]:
@@ -72,7 +72,7 @@ def _joined(join: Callable[..., Any]) -> Callable[..., Any]:
 
     def called(parts: Any, *given: Any, **named: Any) -> Any:
         vectors = [entries([one]) if isinstance(one, Entry) else _asarray(one) for one in parts]
-        return join(vectors if of_points(vectors) else parts, *given, **named)
+        return join(vectors if holds_points(vectors) else parts, *given, **named)
 
     return called
 
@@ -81,7 +81,7 @@ def _reduced(reduce: Callable[..., Any]) -> Callable[..., Any]:
     """``np.sum`` and its like of points in a list: a list is a vector, not a table with a row for each of them."""
 
     def called(values: Any, *given: Any, **named: Any) -> Any:
-        return reduce(_asarray(values) if of_points(values) else values, *given, **named)
+        return reduce(_asarray(values) if holds_points(values) else values, *given, **named)
 
     return called
 
@@ -117,7 +117,7 @@ def _unstacked(values: np.ndarray) -> np.ndarray:
 
 def _solve(matrix: Any, right: Any) -> Any:
     """``np.linalg.solve`` at every point."""
-    if not (of_points(matrix) or of_points(right)):
+    if not (holds_points(matrix) or holds_points(right)):
         return np.linalg.solve(matrix, right)
     A, b = _stacked(matrix), _stacked(right)
     return _unstacked(np.linalg.solve(A, b[..., None])[..., 0] if np.ndim(right) == 1 else np.linalg.solve(A, b))
@@ -125,10 +125,10 @@ def _solve(matrix: Any, right: Any) -> Any:
 
 def _inv(matrix: Any) -> Any:
     """``np.linalg.inv`` at every point."""
-    return _unstacked(np.linalg.inv(_stacked(matrix))) if of_points(matrix) else np.linalg.inv(matrix)
+    return _unstacked(np.linalg.inv(_stacked(matrix))) if holds_points(matrix) else np.linalg.inv(matrix)
 
 
-def _of_points(function: Callable[..., Any]) -> Callable[..., Any]:
+def _keeping_kind(function: Callable[..., Any]) -> Callable[..., Any]:
     """A function that forgets of which kind the points were that it took."""
 
     def called(*given: Any, **named: Any) -> Any:
@@ -145,7 +145,7 @@ REPLACED: dict[int, Callable[..., Any]] = {
     **{id(join): _joined(join) for join in (np.concatenate, np.hstack)},
     id(np.mean): _mean,
     **{id(reduce): _reduced(reduce) for reduce in (np.sum, np.prod, np.max, np.min, np.linalg.norm)},
-    **{id(function): _of_points(function) for function in (np.where, np.interp)},
+    **{id(function): _keeping_kind(function) for function in (np.where, np.interp)},
 }  # fmt: skip
 
 

@@ -131,17 +131,22 @@ class PointwiseFunction:
     ) -> None:
         """The first ways to ask for all points at once: with numbers for parameters, and with a parameter of every point."""
         alone, of_points = self.function, {k: locked(np.full(len(t), v)) for k, v in p.items()}
-        ways = alone, Branches(alone, self.size), Branches(alone, self.size, vectors=True)
+        ways: list[Any] = [alone]
 
         def first(p: Mapping[str, Any]) -> Callable[..., Any] | None:
-            for self.function in ways:
+            for k in range(3):
+                if k == len(ways):  # rewritten only where the function as it is will not do
+                    ways.append(Branches(alone, self.size, vectors=k == 2))
+                self.function = ways[k]
                 if self._agrees(single, t, x, u, p, *extra):
                     return self.function
             return None
 
-        found, self.on_rows = first(p), first(of_points)
+        found, rows = first(p), first(of_points)
         self.function, self.vectorised = found or alone, found is not None
-        ways[-1].patient = True
+        self.on_rows = None if rows is found else rows
+        for way in ways[2:]:
+            way.patient = True
 
     def _agrees(self, single: np.ndarray, *given: Any) -> bool:
         """Whether the function gives for all points at once what it gives for single ones."""

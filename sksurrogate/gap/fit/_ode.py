@@ -36,9 +36,9 @@ FORCES = (1e-3, 1e-2, 1e-1)
 MOST_KEPT = 32
 #: A step by less than this share leaves the slopes of a simulator that steps as they are: they cost as much as many of its runs.
 SAME_SLOPES = 2e-3
-#: Steps of a fit, and of one again without a fold of runs; all parameters of a simulator that steps are many columns, and re-tuning
-#: alone is a figure beside the diagnosis: it has as many steps as its folds.
-FIT_STEPS, FOLD_STEPS = 25, 8
+#: Steps of a fit, and of one that goes on from another: with finer numerics, or without a fold of runs. Re-tuning alone of a simulator
+#: that steps has as few: all its parameters are many columns, and its figure only stands beside the diagnosis.
+FIT_STEPS, REFIT_STEPS = 25, 8
 
 
 @dataclass(frozen=True)
@@ -144,7 +144,7 @@ class OdeCandidate(BaseCandidate):
             if len(theta) and len(train):
                 x = self.fit.x[:, np.isin(record.run_of_row, train)]
                 refit = problem.on(train.tolist()).fit(
-                    self.effects, theta, x, open_steps=0, max_steps=FOLD_STEPS, settled=True
+                    self.effects, theta, x, open_steps=0, max_steps=REFIT_STEPS, settled=True
                 )
                 theta = refit.fit.theta if refit is not None else theta
             fit = replace(self.fit, x=self.fit.x[:, np.isin(record.run_of_row, test)], theta=theta)
@@ -185,7 +185,7 @@ class OdeCandidate(BaseCandidate):
         nominal = replace(whole, free=()).candidate((), replace(self.fit, theta=np.zeros(0)))
         names, known = tuple(whole.plant.params), dict(zip(whole.free, self.fit.theta))
         theta = np.array([known.get(name, 0.0) for name in names])
-        steps = FOLD_STEPS if self.model.may_jump else FIT_STEPS
+        steps = REFIT_STEPS if self.model.may_jump else FIT_STEPS
         return nominal, replace(whole, free=names).fit((), theta, self.fit.x, max_steps=steps) if names else None
 
 

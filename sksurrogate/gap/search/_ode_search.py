@@ -11,7 +11,7 @@ import numpy as np
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.gap.fit._closeness import MOST_LEFT, SETTLED
 from sksurrogate.gap.fit._evidence import Evidence, follow_null
-from sksurrogate.gap.fit._ode import FIT_STEPS, FOLD_STEPS, Numerics, OdeBackend, OdeCandidate
+from sksurrogate.gap.fit._ode import FIT_STEPS, REFIT_STEPS, Numerics, OdeBackend, OdeCandidate
 from sksurrogate.gap.fit._prior import prior_cost
 from sksurrogate.gap.fit._probe import probe_of
 from sksurrogate.gap.screen._screen import screen
@@ -184,7 +184,7 @@ class OdeSearch(Expander):
         return [candidate for candidate in tries if candidate is not None]
 
     @staticmethod
-    def again(fine: OdeBackend, candidate: OdeCandidate, max_steps: int = FOLD_STEPS) -> OdeCandidate:
-        """A candidate fitted on, with finer numerics."""
+    def again(problem: OdeBackend, candidate: OdeCandidate, max_steps: int = REFIT_STEPS) -> OdeCandidate:
+        """A candidate whose fit goes on, with these numerics."""
         theta, x = candidate.fit.theta, candidate.fit.x
-        return fine.fit(candidate.effects, theta, x, open_steps=0, max_steps=max_steps, settled=True) or candidate
+        return problem.fit(candidate.effects, theta, x, open_steps=0, max_steps=max_steps, settled=True) or candidate
