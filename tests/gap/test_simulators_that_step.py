@@ -88,5 +88,5 @@ def test_retuning_alone_has_no_more_steps_than_its_folds_where_slopes_are_dear(m
     monkeypatch.setattr(_ode, "output_error", lambda *given, **how: most.append(how["max_steps"]) or fit(*given, **how))
     monkeypatch.setattr(AugmentedModel, "may_jump", steps_itself)
     _, tuned = null.baselines(null.problem.record)
-    assert set(most) == {_ode.REFIT_STEPS if steps_itself else _ode.MOST_STEPS}
+    assert set(most) == {_ode.REFIT_STEPS if steps_itself else _ode.FIT_STEPS}
     assert tuned.fit.theta[0] == pytest.approx(np.log(1.3), abs=0.1)  # the damping, by its ratio
