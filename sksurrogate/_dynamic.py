@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from numbers import Integral
 from typing import Any
@@ -50,15 +51,19 @@ def unfollowed_jumps(y: np.ndarray, one_step: np.ndarray) -> np.ndarray:
     return rows if len(rows) <= MOST_JUMPS * len(y) else rows[:0]
 
 
-class FreeRunMixin(RegressorMixin):
-    """``score`` and helpers of a regressor whose ``predict(X, y0, groups)`` is a free run.
+class FreeRunMixin(RegressorMixin, ABC):
+    """What regressors whose ``predict(X, y0, groups)`` is a free run have in common.
 
-    The regressor has ``run``, and after ``fit`` ``n_initial_``, ``y_is_1d_``, ``y_mean_``, ``y_spread_``, ``data_range_``
+    The regressor has ``run`` and :meth:`_ahead`, and after ``fit`` ``n_initial_``, ``y_is_1d_``, ``y_mean_``, ``y_spread_``, ``data_range_``
     (2, n_inputs + n_outputs), lows and highs of the training data, and ``left_region_`` (labels of the training runs whose free run leaves it).
     """
 
+    __metadata_request__fit = {"groups": True}
+    __metadata_request__predict = {"groups": True, "y0": True}
+    __metadata_request__score = {"groups": True}
     _integrates = False  # whether uneven sampling is fine
     run: Any
+    init: Any
     n_initial_: int
     y_is_1d_: bool
     y_mean_: np.ndarray
@@ -127,7 +132,41 @@ class FreeRunMixin(RegressorMixin):
         -------
         ndarray, shape of y
         """
-        return self.predict_ahead(X, y, 1, groups=groups)  # type: ignore[attr-defined]
+        return self.predict_ahead(X, y, 1, groups=groups)
+
+    def predict_ahead(self, X: Any, y: Any, k: int, groups: Any = None) -> np.ndarray:
+        """Row t from the ``n_initial_`` measured outputs up to t-k and inputs up to t; rows without that history are nan.
+
+        Parameters
+        ----------
+        X : array-like (n_samples, n_inputs)
+        y : array-like (n_samples,) or (n_samples, n_outputs)
+        k : int
+            Steps ahead.
+        groups : array-like (n_samples,), optional
+
+        Returns
+        -------
+        ndarray, shape of y
+
+        Raises
+        ------
+        SimulationDiverged
+            The prediction became infinite or nan or went far beyond the training outputs.
+        """
+        check_is_fitted(self, "n_initial_")
+        if not isinstance(k, Integral) or k < 1:
+            raise ValueError(f"k={k!r} must be an int, at least 1 step ahead.")
+        runs, history = self._resolve(X, y, groups), self.n_initial_ + int(k)
+        parts = [np.full(run.y.shape, np.nan) for run in runs]
+        for r, part in enumerate(parts):
+            if len(part) >= history:
+                part[history - 1 :] = self._ahead(runs, r, history)
+        return self._shaped(runs, parts)
+
+    @abstractmethod
+    def _ahead(self, runs: Runs, r: int, history: int) -> np.ndarray:
+        """Last rows of the free runs of ``history`` samples that begin at every row of run r, (n_windows, n_outputs)."""
 
     def validity(self, X: Any, y0: Any = None, groups: Any = None) -> np.ndarray:
         """How far the free run is to be trusted: 1 while inputs and outputs stay within the training data's ranges.
@@ -201,6 +240,15 @@ class FreeRunMixin(RegressorMixin):
             self.data_range_ = np.stack([ends[0].min(axis=0), ends[1].max(axis=0)])
         return runs
 
+    def _start_rows(self, y0: Any, runs: Runs) -> np.ndarray:
+        """First rows of every run: ``y0`` or else ``init``, where this is "mean" the mean of the training outputs."""
+        if y0 is not None or not isinstance(self.init, str):
+            return self._first_rows(self.init, runs, "init") if y0 is None else self._first_rows(y0, runs)
+        n, o = self.n_initial_, len(self.y_mean_)
+        if self.init != "mean":
+            raise ValueError(f'init={self.init!r} must be "mean" or an array ({n}, {o}).')
+        return np.broadcast_to(self.y_mean_, (len(runs), n, o))
+
     def _first_rows(self, y0: Any, runs: Runs, name: str = "y0") -> np.ndarray:
         """Outputs at the first rows of every run, (n_runs, n_initial, n_outputs)."""
         n, o = self.n_initial_, len(self.y_mean_)
@@ -246,10 +294,3 @@ class FreeRunMixin(RegressorMixin):
     def _shaped(self, runs: Runs, parts: Sequence[np.ndarray]) -> np.ndarray:
         stacked = runs.stack(parts)
         return stacked[:, 0] if self.y_is_1d_ else stacked
-
-
-def steps_ahead(k: Any) -> int:
-    """k of ``predict_ahead``, checked."""
-    if not isinstance(k, Integral) or k < 1:
-        raise ValueError(f"k={k!r} must be an int, at least 1 step ahead.")
-    return int(k)

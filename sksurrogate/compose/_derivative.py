@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 from sklearn.base import BaseEstimator, clone
 from sklearn.utils.validation import check_is_fitted
 
-from sksurrogate._dynamic import FreeRunMixin, lengthened, steps_ahead
+from sksurrogate._dynamic import FreeRunMixin, lengthened
 from sksurrogate.compose._lagged import fitted
 from sksurrogate.compose._long_runs import long_runs, watched
 from sksurrogate.compose._network import describe_network
@@ -101,9 +101,7 @@ class DerivativeRegressor(FreeRunMixin, BaseEstimator):
     """
 
     _integrates = True
-    __metadata_request__fit = {"groups": True, "dydt": True}
-    __metadata_request__predict = {"groups": True, "y0": True}
-    __metadata_request__score = {"groups": True}
+    __metadata_request__fit = {"dydt": True}
 
     def __init__(
         self,
@@ -194,45 +192,15 @@ class DerivativeRegressor(FreeRunMixin, BaseEstimator):
         """
         check_is_fitted(self, "estimator_")
         runs = self._resolve(X, None, groups)
-        if y0 is not None:
-            first = self._first_rows(y0, runs)
-        elif isinstance(self.init, str):
-            if self.init != "mean":
-                raise ValueError(f'init={self.init!r} must be "mean" or an array (1, {len(self.y_mean_)}).')
-            first = np.broadcast_to(self.y_mean_, (len(runs), 1, len(self.y_mean_)))
-        else:
-            first = self._first_rows(self.init, runs, "init")
+        first = self._start_rows(y0, runs)
         out = self._run_free([run.X for run in runs], [run.t for run in runs], first[:, 0], self.n_sub_)
         self._refuse_far(runs, out, 'Train on more of (y, u), or try method="LSODA" if the model is stiff.')
         return self._shaped(runs, out)
 
-    def predict_ahead(self, X: Any, y: Any, k: int, groups: Any = None) -> np.ndarray:
-        """Row t integrated from the measured row t-k; rows without that history are nan.
-
-        Parameters
-        ----------
-        X : array-like (n_samples, n_inputs)
-        y : array-like (n_samples,) or (n_samples, n_outputs)
-        k : int
-            Steps ahead.
-        groups : array-like (n_samples,), optional
-
-        Returns
-        -------
-        ndarray, shape of y
-        """
-        check_is_fitted(self, "estimator_")
-        k = steps_ahead(k)
-        runs = self._resolve(X, y, groups)
-        parts = []
-        for run in runs:
-            part = np.full(run.y.shape, np.nan)
-            if len(run) > k:
-                windows = np.lib.stride_tricks.sliding_window_view(run.X, k + 1, axis=0).transpose(0, 2, 1)
-                times = list(np.lib.stride_tricks.sliding_window_view(run.t, k + 1))
-                part[k:] = np.stack(self._run_free(list(windows), times, run.y[:-k], self.n_sub_))[:, -1]
-            parts.append(part)
-        return self._shaped(runs, parts)
+    def _ahead(self, runs: Runs, r: int, history: int) -> np.ndarray:
+        run, slide = runs[r], np.lib.stride_tricks.sliding_window_view
+        windows, times = slide(run.X, history, axis=0).transpose(0, 2, 1), slide(run.t, history)
+        return np.stack(self._run_free(list(windows), list(times), run.y[: len(times)], self.n_sub_))[:, -1]
 
     def derivative(self, X: Any, y: Any) -> np.ndarray:
         """The fitted f at outputs and inputs: dy/dt per time unit, shape of y.

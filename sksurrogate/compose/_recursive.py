@@ -11,7 +11,7 @@ from sklearn.base import BaseEstimator, _fit_context
 from sklearn.utils._param_validation import HasMethods, Interval, StrOptions
 from sklearn.utils.validation import check_is_fitted
 
-from sksurrogate._dynamic import DIVERGED_RUN, FreeRunMixin, lengthened, steps_ahead
+from sksurrogate._dynamic import DIVERGED_RUN, FreeRunMixin, lengthened
 from sksurrogate._lags import lag_list
 from sksurrogate.compose._evidence_fit import Belief
 from sksurrogate.compose._lagged import (
@@ -120,10 +120,6 @@ class RecursivePredictor(ShootingMixin, FreeRunMixin, BaseEstimator):
     >>> model.predict(X, groups=groups).shape
     (400,)
     """
-
-    __metadata_request__fit = {"groups": True}
-    __metadata_request__predict = {"groups": True, "y0": True}
-    __metadata_request__score = {"groups": True}
 
     _parameter_constraints: dict = {
         "estimator": [HasMethods(["fit", "predict"])],
@@ -244,41 +240,17 @@ class RecursivePredictor(ShootingMixin, FreeRunMixin, BaseEstimator):
             return self._shaped(runs, out)
         return self._shaped(runs, out), self._shaped(runs, self._deviation(inputs, list(out)))
 
-    def predict_ahead(self, X: Any, y: Any, k: int, groups: Any = None) -> np.ndarray:
-        """Row t from measured outputs up to t-k and inputs up to t; rows without that history are nan.
-
-        Parameters
-        ----------
-        X : array-like (n_samples, n_inputs)
-        y : array-like (n_samples,) or (n_samples, n_outputs)
-        k : int
-            Steps ahead.
-        groups : array-like (n_samples,), optional
-
-        Returns
-        -------
-        ndarray, shape of y
-
-        Raises
-        ------
-        SimulationDiverged
-            As for :meth:`predict`.
-        """
-        check_is_fitted(self, "estimator_")
-        k = steps_ahead(k)
-        runs = self._resolve(X, y, groups)
-        n, parts = self.n_initial_, []
-        for r, run in enumerate(runs):
-            part = np.full(run.y.shape, np.nan)
-            for start in range(0, len(run) - n - k + 1, PREDICTION_ROWS):
-                begins = np.arange(start, min(start + PREDICTION_ROWS, len(run) - n - k + 1))[:, None]
-                found = self._roll(run.X[begins + np.arange(n + k)], run.y[begins + np.arange(n)])
-                bad = diverged(found, [n + k] * len(found), n, self.y_mean_, self.y_spread_)
-                if bad:
-                    raise divergence(runs, [(r, start + bad[0][0] + bad[0][1])])
-                part[begins[:, 0] + n + k - 1] = found[:, -1]
-            parts.append(part)
-        return self._shaped(runs, parts)
+    def _ahead(self, runs: Runs, r: int, history: int) -> np.ndarray:
+        run, n = runs[r], self.n_initial_
+        count, out = len(run) - history + 1, []
+        for start in range(0, count, PREDICTION_ROWS):
+            begins = np.arange(start, min(start + PREDICTION_ROWS, count))[:, None]
+            found = self._roll(run.X[begins + np.arange(history)], run.y[begins + np.arange(n)])
+            bad = diverged(found, [history] * len(found), n, self.y_mean_, self.y_spread_)
+            if bad:
+                raise divergence(runs, [(r, start + bad[0][0] + bad[0][1])])
+            out.append(found[:, -1])
+        return np.concatenate(out)
 
     def embed(self, X: Any, y: Any, groups: Any = None) -> tuple[np.ndarray, np.ndarray]:
         """The regression of section 2.6, Eq. (7): rows with whole history, run after run.
@@ -386,12 +358,10 @@ class RecursivePredictor(ShootingMixin, FreeRunMixin, BaseEstimator):
 
     def _initial(self, y0: Any, runs: Runs) -> Any:
         """First rows of every run, (n_initial, n_outputs) each."""
+        if y0 is not None or not (isinstance(self.init, str) and self.init == "steady"):
+            return self._start_rows(y0, runs)
         n = self.n_initial_
-        if y0 is not None or not isinstance(self.init, str):
-            return self._first_rows(self.init, runs, "init") if y0 is None else self._first_rows(y0, runs)
         rest = [np.repeat(self.y_mean_[None], n, axis=0) for _ in runs]
-        if self.init == "mean":
-            return rest
         settled, bad = self._run_free([np.repeat(run.X[:1], 500 + n, axis=0) for run in runs], rest)
         lost = {r for r, _ in bad}
         return [rest[r] if r in lost else np.repeat(s[-1:], n, axis=0) for r, s in enumerate(settled)]

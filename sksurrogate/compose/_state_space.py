@@ -10,7 +10,7 @@ from sklearn.base import BaseEstimator
 from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted
 
-from sksurrogate._dynamic import FreeRunMixin, lengthened, steps_ahead
+from sksurrogate._dynamic import FreeRunMixin, lengthened
 from sksurrogate.compose._state_fit import cut_pieces, first_rows, fit_linear, fit_networks
 from sksurrogate.exceptions import DataError
 from sksurrogate.kernels.state_evidence import run_variance, weigh_states
@@ -116,9 +116,7 @@ class StateSpaceRegressor(FreeRunMixin, BaseEstimator):
 
     u_mean_: np.ndarray
     u_spread_: np.ndarray
-    __metadata_request__fit = {"groups": True}
-    __metadata_request__predict = {"groups": True, "y0": True, "return_std": True}
-    __metadata_request__score = {"groups": True}
+    __metadata_request__predict = {"return_std": True}
 
     def __init__(
         self,
@@ -265,36 +263,13 @@ class StateSpaceRegressor(FreeRunMixin, BaseEstimator):
             self.A_, B, C, D, b - B @ self.u_mean_, self.y_mean_ + self.y_spread_ * c - D @ self.u_mean_
         )
 
-    def predict_ahead(self, X: Any, y: Any, k: int, groups: Any = None) -> np.ndarray:
-        """Row t from the ``n_initial_`` measured outputs up to t-k; rows without that history are nan.
-
-        Parameters
-        ----------
-        X : array-like (n_samples, n_inputs)
-        y : array-like (n_samples,) or (n_samples, n_outputs)
-        k : int
-            Steps ahead.
-        groups : array-like (n_samples,), optional
-
-        Returns
-        -------
-        ndarray, shape of y
-        """
-        check_is_fitted(self, "theta_")
-        k = steps_ahead(k)
-        runs, n, parts = self._resolve(X, y, groups), self.n_initial_, []
-        for run in runs:
-            part = np.full(run.y.shape, np.nan)
-            if len(run) >= n + k:
-                slide = np.lib.stride_tricks.sliding_window_view
-                windows = list(slide(self._scaled_u(run.X), n + k, axis=0).transpose(0, 2, 1))
-                past = slide((run.y - self.y_mean_) / self.y_spread_, n, axis=0).transpose(0, 2, 1)[: len(windows)]
-                found = self._outputs(self._start(windows, past), windows)
-                part[n + k - 1 :] = np.stack([window[-1] for window in found])
-            parts.append(part)
-        return self._shaped(runs, parts)
-
     # ---- parts ------------------------------------------------------------------------------------------------------
+    def _ahead(self, runs: Runs, r: int, history: int) -> np.ndarray:
+        run, slide = runs[r], np.lib.stride_tricks.sliding_window_view
+        windows = list(slide(self._scaled_u(run.X), history, axis=0).transpose(0, 2, 1))
+        past = slide((run.y - self.y_mean_) / self.y_spread_, self.n_initial_, axis=0).transpose(0, 2, 1)
+        return np.stack([part[-1] for part in self._outputs(self._start(windows, past[: len(windows)]), windows)])
+
     def _scaled_u(self, U: np.ndarray) -> np.ndarray:
         return (U - self.u_mean_) / self.u_spread_
 

@@ -10,8 +10,9 @@ from sklearn.base import BaseEstimator
 from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted
 
-from sksurrogate._dynamic import FreeRunMixin, lengthened, steps_ahead
+from sksurrogate._dynamic import FreeRunMixin, lengthened
 from sksurrogate.neural._settings import read_device
+from sksurrogate.runs import Runs
 
 
 class RecurrentRegressor(FreeRunMixin, BaseEstimator):
@@ -76,10 +77,6 @@ class RecurrentRegressor(FreeRunMixin, BaseEstimator):
     >>> model.predict(X, groups=groups).shape
     (480,)
     """
-
-    __metadata_request__fit = {"groups": True}
-    __metadata_request__predict = {"groups": True, "y0": True}
-    __metadata_request__score = {"groups": True}
 
     def __init__(
         self,
@@ -168,47 +165,17 @@ class RecurrentRegressor(FreeRunMixin, BaseEstimator):
         """
         check_is_fitted(self, "net_")
         runs = self._resolve(X, None, groups)
-        if y0 is not None:
-            first = self._first_rows(y0, runs)
-        elif isinstance(self.init, str):
-            if self.init != "mean":
-                raise ValueError(f'init={self.init!r} must be "mean" or an array ({self.n_initial_}, n_outputs).')
-            first = np.broadcast_to(self.y_mean_, (len(runs), self.n_initial_, len(self.y_mean_)))
-        else:
-            first = self._first_rows(self.init, runs, "init")
-        out = self._run_free([run.X for run in runs], first)
+        out = self._run_free([run.X for run in runs], self._start_rows(y0, runs))
         self._refuse_far(runs, out, "Lower learning_rate.")
         return self._shaped(runs, out)
 
-    def predict_ahead(self, X: Any, y: Any, k: int, groups: Any = None) -> np.ndarray:
-        """Row t from the ``n_initial_`` measured outputs up to t-k; rows without that history are nan.
-
-        Parameters
-        ----------
-        X : array-like (n_samples, n_inputs)
-        y : array-like (n_samples,) or (n_samples, n_outputs)
-        k : int
-            Steps ahead.
-        groups : array-like (n_samples,), optional
-
-        Returns
-        -------
-        ndarray, shape of y
-        """
-        check_is_fitted(self, "net_")
-        k = steps_ahead(k)
-        runs, n, parts = self._resolve(X, y, groups), self.n_initial_, []
-        slide = np.lib.stride_tricks.sliding_window_view
-        for run in runs:
-            part = np.full(run.y.shape, np.nan)
-            if len(run) >= n + k:
-                windows = list(slide(run.X, n + k, axis=0).transpose(0, 2, 1))
-                first = slide(run.y, n, axis=0).transpose(0, 2, 1)[: len(windows)]
-                part[n + k - 1 :] = np.stack([found[-1] for found in self._run_free(windows, first)])
-            parts.append(part)
-        return self._shaped(runs, parts)
-
     # ---- parts ------------------------------------------------------------------------------------------------------
+    def _ahead(self, runs: Runs, r: int, history: int) -> np.ndarray:
+        run, slide = runs[r], np.lib.stride_tricks.sliding_window_view
+        windows = list(slide(run.X, history, axis=0).transpose(0, 2, 1))
+        first = slide(run.y, self.n_initial_, axis=0).transpose(0, 2, 1)[: len(windows)]
+        return np.stack([found[-1] for found in self._run_free(windows, first)])
+
     def _sequences(self, inputs: list[np.ndarray], first: np.ndarray) -> dict[str, np.ndarray]:
         """What the network sees: first rows flat, and u[t], u[t-1] at the rows after them, padded to one length."""
         n = self.n_initial_
