@@ -17,25 +17,12 @@ _NOT_GIVEN = "no_validation"
 def checked(estimator: Any, X: Any, y: Any = _NOT_GIVEN, **checks: Any) -> Any:
     """``validate_data``; where it refuses nan, infinity or text, row and column are named.
 
-    Parameters
-    ----------
-    estimator : estimator
-    X : array-like or RowSource (n_samples, n_features)
-        A source of rows, which some of our own estimators take, is only counted.
-    y : array-like, optional
-    **checks
-        Of ``sklearn.utils.validation.validate_data``.
-
-    Returns
-    -------
-    ndarray or (ndarray, ndarray)
-
-    Raises
-    ------
-    DataError
-        A value is missing (nan, or masked), infinite or no number; X and y differ in length.
-    ValueError
-        As scikit-learn says.
+    ``X`` array-like or RowSource (n_samples, n_features): a source of rows, which some of our own estimators take, is
+        only counted.
+    ``**checks``: of ``sklearn.utils.validation.validate_data``.
+    Returns (ndarray, ndarray).
+    Raises DataError where a value is missing (nan, or masked), infinite or no number; X and y differ in length.
+    Raises ValueError: as scikit-learn says.
     """
     if isinstance(X, RowSource):
         estimator.n_features_in_ = X.shape[1]

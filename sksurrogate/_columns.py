@@ -20,30 +20,12 @@ _MADE_UP = re.compile(r"[uxy]?\d+")
 def by_name(data: Any, names: Sequence[str] | str | None, run: Any = None, *, warn: bool = True) -> Any:
     """Columns of a frame in the order of a simulator's signals; arrays pass as they are, with nan where they are masked.
 
-    Parameters
-    ----------
-    data : array-like or frame
-    names : sequence of str, optional
-        Signals of the simulator.
-    run : None, column name, int or "index", or a list of such
-        The run column (and that of the time), which is kept; a position leaves the frame as it is.
-    warn : bool, default=True
-        Whether a frame with other names is worth a word; not where its names have been seen before.
-
-    Returns
-    -------
-    array-like or frame
-
-    Raises
-    ------
-    DataError
-        Some columns carry the simulator's names and one that is needed does not.
-
-    Warns
-    -----
-    DataConversionWarning
-        None of the columns carries a name of the simulator: they are taken in their own order. Names that nobody chose
-        (u0, y1, 0, 1) on either side pass without a word.
+    ``names``: signals of the simulator.
+    ``run``: the run column (and that of the time), which is kept; a position leaves the frame as it is.
+    ``warn``: whether a frame with other names is worth a word; not where its names have been seen before.
+    Raises DataError where some columns carry the simulator's names and one that is needed does not.
+    Warns DataConversionWarning: None of the columns carries a name of the simulator: they are taken in their own
+        order. Names that nobody chose (u0, y1, 0, 1) on either side pass without a word.
     """
     others = run if isinstance(run, list) else [] if run is None else [run]
     if names is None or not hasattr(data, "columns") or not all(isinstance(name, str) for name in others):

@@ -40,10 +40,7 @@ def add_knowledge(parser: argparse.ArgumentParser) -> None:
 def knowledge_of(arguments: argparse.Namespace) -> dict[str, Any]:
     """Settings of the diagnosis.
 
-    Raises
-    ------
-    DataError
-        An option is not of its form.
+    Raises DataError where an option is not of its form.
     """
     limit = arguments.time_limit
     if limit is not None and not 0.0 < limit < math.inf:

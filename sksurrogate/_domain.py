@@ -12,19 +12,13 @@ DOUBTFUL = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Domain:
-    """A box of features.
+    """A box of features."""
 
-    Attributes
-    ----------
-    low, high : ndarray (n_features,)
-        Range in the training data.
-    fade : float
-        Share of the range by which a feature may leave it before the correction fades; after twice that more, little is
-        left (``exp(-4)``). ``inf``: never.
-    """
-
+    #: low, high: (n_features,): range in the training data
     low: np.ndarray
     high: np.ndarray
+    #: Share of the range by which a feature may leave it before the correction fades; after twice that more, little is
+    #: left (``exp(-4)``). ``inf``: never.
     fade: float
 
     @classmethod

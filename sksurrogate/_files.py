@@ -18,22 +18,10 @@ def beside(path: Any) -> Iterator[Path]:
     A link is followed, permissions of a file that is there are kept. What is not a file, a pipe or ``/dev/stdout``, is
     written as it is.
 
-    Parameters
-    ----------
-    path : path
+    Returns Path: ends like ``path``.
+    Raises OSError where the folder is not there or full, or ``path`` is a folder or write-protected; a file that was
+        there is as it was.
 
-    Yields
-    ------
-    Path
-        Ends like ``path``.
-
-    Raises
-    ------
-    OSError
-        The folder is not there or full, or ``path`` is a folder or write-protected; a file that was there is as it was.
-
-    Examples
-    --------
     >>> import tempfile
     >>> from pathlib import Path
     >>> from sksurrogate._files import beside

@@ -32,23 +32,9 @@ def fingerprint(value: Any, name: str) -> str:
     code, defaults, closures, and the globals, modules and classes that the code names. Not seen are files that
     the object reads, programs that it calls, and names that it makes up while it runs.
 
-    Parameters
-    ----------
-    value : object
-    name : str
-        How a message calls it.
+    ``name``: how a message calls it.
+    Raises DataError where some part has no value: an open file, a lock, a connection.
 
-    Returns
-    -------
-    str
-
-    Raises
-    ------
-    DataError
-        Some part has no value: an open file, a lock, a connection.
-
-    Examples
-    --------
     >>> from sksurrogate._fingerprint import fingerprint
     >>> slow, quick = (lambda x, k=k: k * x for k in (1.0, 2.0))
     >>> fingerprint(slow, "slow") == fingerprint(quick, "quick")

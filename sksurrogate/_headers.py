@@ -26,13 +26,8 @@ def split_unit(header: str) -> tuple[str, str]:
 def assigned(texts: Sequence[str], known: Sequence[str]) -> dict[str, str]:
     """Signal -> column, of ``--columns SIGNAL=COLUMN``.
 
-    Raises
-    ------
-    DataError
-        An entry is not of this form, names no signal, or a signal twice.
+    Raises DataError where an entry is not of this form, names no signal, or a signal twice.
 
-    Examples
-    --------
     >>> assigned(["speed=w [rad/s]"], ["speed"])
     {'speed': 'w [rad/s]'}
     """
@@ -52,13 +47,8 @@ def columns_of(signals: Sequence[str], header: Sequence[str], given: Mapping[str
 
     A signal without any stays as it is: reading says what is missing. A given column may have a unit that the header lacks.
 
-    Raises
-    ------
-    DataError
-        A given column is not there.
+    Raises DataError where a given column is not there.
 
-    Examples
-    --------
     >>> columns_of(["flow", "level"], ["time [s]", "level [cm]", "flow"], {})
     {'flow': 'flow', 'level': 'level [cm]'}
     >>> columns_of(["flow"], ["q"], {"flow": "q [m3/h]"})

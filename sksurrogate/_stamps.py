@@ -39,27 +39,14 @@ def on_grid(runs: Runs, dt: float, hold: str, time: Any) -> tuple[Runs, list[np.
     Rows without a reading hold nan in y. Inputs that are held (``hold="zoh"``) are averaged over every row of the grid, so that
     their integral is kept; others are joined linearly. Of two readings nearest to one row the nearer one counts.
 
-    Parameters
-    ----------
-    runs : Runs
-        With y.
-    dt : float
-        Sample time of the simulator.
-    hold : {"zoh", "foh"}
-    time : str or int
-        What the time column is called, for messages.
-
-    Returns
-    -------
-    runs : Runs
-        With t = 0 at their first rows.
-    offsets : list of ndarray (n_rows,), or None
-        How far the readings of every row were taken behind it; None where all were taken at their rows.
-
-    Raises
-    ------
-    DataError
-        The usual step is not the simulator's, or a run is mostly gaps.
+    ``runs``: with y.
+    ``dt``: sample time of the simulator.
+    ``hold`` {"zoh", "foh"}.
+    ``time``: what the time column is called, for messages.
+    Returns ``runs``: with t = 0 at their first rows.
+    Returns ``offsets`` list of (n_rows,), or None: how far the readings of every row were taken behind it; None where
+        all were taken at their rows.
+    Raises DataError where the usual step is not the simulator's, or a run is mostly gaps.
     """
     _check_step(runs, dt, time)
     if all(np.allclose(np.diff(run.t), dt, rtol=ON_GRID, atol=0.0) for run in runs):
@@ -77,14 +64,9 @@ def with_rows_in_gaps(runs: Runs, dt: float, hold: str, time: Any) -> tuple[Runs
     entered the plant meanwhile is not known: the rest is a run of its own, with its own unknown initial state.
     Parameters as for :func:`on_grid`.
 
-    Returns
-    -------
-    runs : Runs
-        With t = 0 at the first rows of the runs that were given.
-    uneven : bool
-        Whether rows are not dt apart.
-    first : ndarray of int
-        Which of them begin a run that was given.
+    Returns ``runs``: with t = 0 at the first rows of the runs that were given.
+    Returns ``uneven``: whether rows are not dt apart.
+    Returns ``first``: which of them begin a run that was given.
     """
     _check_step(runs, dt, time)
     out: list[Run] = []

@@ -12,13 +12,8 @@ from typing import Any, TextIO
 class Patient:
     """A text stream that never raises where it is written; the first thing that went wrong is kept in ``error``.
 
-    Parameters
-    ----------
-    stream : text stream or None
-        None, where the terminal is closed, swallows everything.
+    ``stream``: None, where the terminal is closed, swallows everything.
 
-    Examples
-    --------
     >>> import io
     >>> from sksurrogate._terminal import Patient
     >>> plain = io.TextIOWrapper(io.BytesIO(), encoding="ascii")

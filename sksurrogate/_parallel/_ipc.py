@@ -51,10 +51,7 @@ def send(line: socket.socket, message: object, known: Mapping[int, int]) -> None
 def receive(line: socket.socket, known: Sequence[object]) -> Any:
     """The next message; its arrays lie where they were written, changes stay here.
 
-    Raises
-    ------
-    EOFError
-        The other process is gone.
+    Raises EOFError where the other process is gone.
     """
     head, memories, _, _ = socket.recv_fds(line, HEAD.size, 1)
     if not memories:

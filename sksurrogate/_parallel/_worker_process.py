@@ -54,17 +54,10 @@ class WorkerProcess:
     It is a fork, made at the first question; what it is asked travels to it, but for what is ``known`` from the beginning.
     Where it cannot be made, a question cannot travel, or no answer comes, the question is answered here.
 
-    Parameters
-    ----------
-    known : iterable of object
-        What does not change, such as a simulator: it need not be such that it can be pickled.
-    apart : bool, default=True
-        Whether a second process is wanted.
-    later : bool, default=False
-        Whether its answers are wanted much later: until then it takes mostly time that no other process wants.
+    ``known``: what does not change, such as a simulator: it need not be such that it can be pickled.
+    ``apart``: whether a second process is wanted.
+    ``later``: whether its answers are wanted much later: until then it takes mostly time that no other process wants.
 
-    Examples
-    --------
     >>> with WorkerProcess() as second:
     ...     six = second.ask(lambda: 2 * 3)
     ...     six.answer()
@@ -168,12 +161,8 @@ class WorkerProcess:
 class PendingAnswer(Generic[T]):
     """The answer to a question: of the second process that was asked, or of this one.
 
-    Parameters
-    ----------
-    question : callable () -> answer
-    second : Second, optional
-    number : int, default=0
-        Of the question among those that were asked there.
+    ``question`` () -> answer.
+    ``number``: of the question among those that were asked there.
     """
 
     def __init__(self, question: Callable[[], T], second: WorkerProcess | None = None, number: int = 0):

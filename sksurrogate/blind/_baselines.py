@@ -241,22 +241,11 @@ def _answer(
 def run_baselines(rows: Any, out: Any, *, first: int = 10, limit: float = 120.0, n_jobs: int | None = None) -> int:
     """Ask the baselines the first cases of each arm of a check that was done.
 
-    Parameters
-    ----------
-    rows : path
-        Rows of the check (JSON lines).
-    out : path
-        Rows of the baselines; those there count, new ones are appended.
-    first : int, default=10
-        Cases of each arm.
-    limit : float, default=120
-        Seconds for one answer.
-    n_jobs : int, optional
-
-    Returns
-    -------
-    int
-        Number of new rows.
+    ``rows``: rows of the check (JSON lines).
+    ``out``: rows of the baselines; those there count, new ones are appended.
+    ``first``: cases of each arm.
+    ``limit``: seconds for one answer.
+    Returns number of new rows.
     """
     have = {(row["diagnosis"], row["arm"], row["seed"]) for row in stored_rows(out)}
     cases: dict[str, list[int]] = {}

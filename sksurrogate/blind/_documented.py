@@ -13,25 +13,14 @@ from sksurrogate.physics import CalibratedSimulator, ODESimulator
 
 @dataclass(frozen=True)
 class Documented:
-    """A recording's simulator with the term that the literature documents.
+    """A recording's simulator with the term that the literature documents."""
 
-    Attributes
-    ----------
-    rhs : callable
-        ``rhs(t, x, u, p)`` with the term.
-    params : dict
-        Where the fit starts; values of the recording's source.
-    location, variable : str
-        Balance in which the term sits, signal over which it is drawn.
-    words : str
-        Legend.
-    """
-
-    rhs: Callable[..., Any]
-    params: Mapping[str, float]
+    rhs: Callable[..., Any]  #: ``rhs(t, x, u, p)`` with the term
+    params: Mapping[str, float]  #: Where the fit starts; values of the recording's source
+    #: location, variable: balance in which the term sits, signal over which it is drawn
     location: str
     variable: str
-    words: str
+    words: str  #: Legend
 
 
 def duffing(t: Any, x: Any, u: Any, p: Any) -> Any:
@@ -87,19 +76,10 @@ def documented_term(recording: Any) -> tuple[np.ndarray, np.ndarray, float]:
     parameters or tuned to the same rates, is taken from it by least squares: whatever re-tuning can follow is not a missing
     term.
 
-    Parameters
-    ----------
-    recording : Recording
-        One of those in :data:`DOCUMENTED`.
-
-    Returns
-    -------
-    signal : ndarray (n_rows,)
-        The variable of the term.
-    term : ndarray (n_rows,)
-        In units of the derivative.
-    error : float
-        RMSE of the fitted documented model on the training record.
+    ``recording``: one of those in :data:`DOCUMENTED`.
+    Returns ``signal`` (n_rows,): the variable of the term.
+    Returns ``term`` (n_rows,): in units of the derivative.
+    Returns ``error``: RMSE of the fitted documented model on the training record.
     """
     known = DOCUMENTED[recording.name]
     nominal = recording.simulator
@@ -137,17 +117,9 @@ def documented_term(recording: Any) -> tuple[np.ndarray, np.ndarray, float]:
 def documented_curve(recording: Any, missing: Mapping[str, Any] | None) -> dict[str, Any] | None:
     """The learned curve with the documented one at the same points; None where the diagnosis accuses another place.
 
-    Parameters
-    ----------
-    recording : Recording
-    missing : dict or None
-        Missing term as plain data.
-
-    Returns
-    -------
-    dict or None
-        location, variable, at, value, low, high, true (all of mean zero along the points), documented (words),
-        correlation.
+    ``missing``: missing term as plain data.
+    Returns dict or None: location, variable, at, value, low, high, true (all of mean zero along the points), documented
+        (words), correlation.
     """
     known = DOCUMENTED.get(recording.name)
     if known is None or not missing or missing["location"] != known.location:

@@ -11,11 +11,7 @@ import numpy as np
 class Chosen:
     """Some of the outputs of an output function.
 
-    Parameters
-    ----------
-    output : callable
-    there, wanted : tuple of str
-        Outputs that ``output`` gives, and those wanted.
+    ``there, wanted``: outputs that ``output`` gives, and those wanted.
     """
 
     def __init__(self, output: Callable[..., Any], there: tuple[str, ...], wanted: tuple[str, ...]):

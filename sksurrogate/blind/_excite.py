@@ -88,15 +88,9 @@ def coloured(rng: np.random.Generator, shape: tuple[int, ...], samples: float) -
 class Controller:
     """A proportional controller on the first input and first output, within the feasible range.
 
-    Parameters
-    ----------
-    drive : Drive
-    feedforward : ndarray (n_runs, n_samples, n_inputs)
-        What the inputs do without it.
-    middle, gain : float
-        ``u = feedforward + gain (middle - y)``.
-    noise : ndarray (n_runs, n_samples)
-        What the sensor adds.
+    ``feedforward`` (n_runs, n_samples, n_inputs): what the inputs do without it.
+    ``middle, gain``: ``u = feedforward + gain (middle - y)``.
+    ``noise`` (n_runs, n_samples): what the sensor adds.
     """
 
     def __init__(self, drive: Drive, feedforward: np.ndarray, middle: float, gain: float, noise: np.ndarray):

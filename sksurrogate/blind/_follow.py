@@ -50,18 +50,9 @@ def experiment(case: Case, name: str) -> tuple[np.ndarray, np.ndarray] | None:
 def follow(case: Case, answer: Mapping[str, Any], name: str | None = None) -> Question | None:
     """The question among the tied names with one more run: that of the experiment suggested, or of the one named.
 
-    Parameters
-    ----------
-    case : Case
-    answer : dict
-        With ``next_experiment``: ``{"best": words}``.
-    name : str, optional
-        Another experiment in its place.
-
-    Returns
-    -------
-    Question or None
-        None where nothing was suggested, or it cannot be done.
+    ``answer``: with ``next_experiment``: ``{"best": words}``.
+    ``name``: another experiment in its place.
+    Returns None where nothing was suggested, or it cannot be done.
     """
     suggested = name or ((answer.get("next_experiment") or {}).get("best"))
     if not suggested:
@@ -110,23 +101,13 @@ def followed(
 ) -> dict[str, Any]:
     """What the suggested experiment is worth where names are tied, and what the first run once more is worth.
 
-    Parameters
-    ----------
-    case : Case
-    answer : dict
-        The answer whose experiment is done.
-    row : dict
-        Its scores.
-    ask : callable
-        Gives the answer to a :class:`Question`.
-
-    Returns
-    -------
-    dict
-        Empty without a tie. ``experiment``: words, None where nothing was suggested. ``gain_expected``: nats promised.
-        With suffix _before, _after, _repeated: ``class``: size of the largest class; ``truth``: whether all true effects
-        are in the classes named; ``lead``: nats between the true effect and the best other member of its class (one
-        effect only).
+    ``answer``: the answer whose experiment is done.
+    ``row``: its scores.
+    ``ask``: gives the answer to a :class:`Question`.
+    Returns dict: empty without a tie. ``experiment``: words, None where nothing was suggested. ``gain_expected``: nats
+        promised. With suffix _before, _after, _repeated: ``class``: size of the largest class; ``truth``: whether all
+        true effects are in the classes named; ``lead``: nats between the true effect and the best other member of its
+        class (one effect only).
     """
     if "error" in row or max(row["classes"], default=1) < 2:
         return {}

@@ -23,19 +23,11 @@ Policy = Callable[[int, np.ndarray], np.ndarray]
 
 @dataclass(frozen=True)
 class Course:
-    """What happened.
+    """What happened."""
 
-    Attributes
-    ----------
-    states : ndarray (n_runs, n_samples, n_states)
-    outputs : ndarray (n_runs, n_samples, n_outputs)
-    inputs : ndarray (n_runs, n_samples, n_inputs)
-        As commanded, before effects.
-    """
-
-    states: np.ndarray
-    outputs: np.ndarray
-    inputs: np.ndarray
+    states: np.ndarray  #: (n_runs, n_samples, n_states)
+    outputs: np.ndarray  #: (n_runs, n_samples, n_outputs)
+    inputs: np.ndarray  #: (n_runs, n_samples, n_inputs): as commanded, before effects
 
 
 def march(
@@ -50,24 +42,12 @@ def march(
 ) -> Course:
     """Run a plant with its effects.
 
-    Parameters
-    ----------
-    plant : PlantSpec
-    U : ndarray (n_runs, n_samples, n_inputs)
-        Commanded inputs; overwritten row by row where there is a ``policy``.
-    X0 : ndarray (n_runs, n_states)
-    truths : sequence of Truth
-        At most one on each input and on each output; parameters may hold one value for each run.
-    force : (str, ndarray (n_runs, n_samples)), optional
-        A state and what is added to its derivative, held over each sample.
-    policy : callable, optional
-    substeps : int, default=24
-        Steps in a sample.
-
-    Returns
-    -------
-    Course
-        Not finite from where the plant runs away.
+    ``U`` (n_runs, n_samples, n_inputs): commanded inputs; overwritten row by row where there is a ``policy``.
+    ``X0`` (n_runs, n_states).
+    ``truths``: at most one on each input and on each output; parameters may hold one value for each run.
+    ``force`` (str, ndarray (n_runs, n_samples)): a state and what is added to its derivative, held over each sample.
+    ``substeps``: steps in a sample.
+    Returns Course: not finite from where the plant runs away.
     """
     machine = _Machine(plant, np.array(U, dtype=float), truths, force)
     n_runs, n_samples, _ = U.shape

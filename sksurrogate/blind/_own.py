@@ -14,12 +14,7 @@ from sksurrogate.runs import resolve_runs
 
 
 class Copied:
-    """A right-hand side that may write into what it is handed.
-
-    Parameters
-    ----------
-    rhs : callable
-    """
+    """A right-hand side that may write into what it is handed."""
 
     def __init__(self, rhs: Callable[..., Any]):
         self.rhs = rhs
@@ -30,12 +25,7 @@ class Copied:
 
 
 class Looped:
-    """A right-hand side for one column, asked column by column.
-
-    Parameters
-    ----------
-    rhs : callable
-    """
+    """A right-hand side for one column, asked column by column."""
 
     def __init__(self, rhs: Callable[..., Any]):
         self.rhs = rhs
@@ -56,24 +46,11 @@ def plant_of(
 ) -> tuple[PlantSpec, list[np.ndarray] | None]:
     """A plant of the check from a simulator, and its recorded inputs.
 
-    Parameters
-    ----------
-    simulator : object with ``rhs`` and names
-    X, groups : array-like, optional
-        Recorded inputs.
-    input_ranges : dict of (low, high), optional
-        Feasible range of each input, where there is no record.
-    x0_spread : array-like (n_states,), optional
-
-    Returns
-    -------
-    plant : PlantSpec
-    runs : list of ndarray or None
-
-    Raises
-    ------
-    SimulatorError
-        The simulator has no right-hand side, or it is not known how its inputs may move.
+    ``X, groups``: recorded inputs.
+    ``input_ranges`` dict of (low, high): feasible range of each input, where there is no record.
+    ``x0_spread`` (n_states,).
+    Returns ``plant``, ``runs``.
+    Raises SimulatorError where the simulator has no right-hand side, or it is not known how its inputs may move.
     """
     known = describe(simulator)
     if known.access != "rhs":

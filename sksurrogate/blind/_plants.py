@@ -15,20 +15,13 @@ from sksurrogate.physics import ODESimulator
 
 @dataclass(frozen=True)
 class Drive:
-    """What an input may do.
-
-    Attributes
-    ----------
-    name : str
-    middle, swing : float
-        Excitations move about ``middle`` by about ``swing`` (units of the input).
-    low, high : float
-        Feasible range.
-    """
+    """What an input may do."""
 
     name: str
+    #: middle, swing: excitations move about ``middle`` by about ``swing`` (units of the input)
     middle: float
     swing: float
+    #: low, high: feasible range
     low: float = -np.inf
     high: float = np.inf
 
@@ -36,10 +29,7 @@ class Drive:
 class CountingRhs:
     """A right-hand side that counts how many columns it was asked for.
 
-    Parameters
-    ----------
-    rhs : callable
-        ``rhs(t, x, u, p)``.
+    ``rhs``: ``rhs(t, x, u, p)``.
     """
 
     def __init__(self, rhs: Callable[..., Any], columns: int = 0):

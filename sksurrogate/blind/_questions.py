@@ -43,18 +43,10 @@ class Question:
 def judged(questions: Sequence[Question], rows: Rows) -> list[dict[str, Any]]:
     """One line for each question of which there are cases.
 
-    Parameters
-    ----------
-    questions : sequence of Question
-    rows : sequence of dict
-        Rows of a blind check; of cases that could not be drawn nothing is asked.
-
-    Returns
-    -------
-    list of dict
-        question, bar, figure, cases, low, high (90 %: Wilson's for shares, order statistics for medians, normal for
-        means, resampled for calibration), cleared ("yes" or "no", with ", open" where the interval holds the bar: more
-        cases would tell).
+    ``rows``: rows of a blind check; of cases that could not be drawn nothing is asked.
+    Returns list of dict: question, bar, figure, cases, low, high (90 %: Wilson's for shares, order statistics for
+        medians, normal for means, resampled for calibration), cleared ("yes" or "no", with ", open" where the interval
+        holds the bar: more cases would tell).
     """
     drawn = [row for row in rows if row.get("right") is not None]
     found = []

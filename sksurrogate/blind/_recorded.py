@@ -172,21 +172,13 @@ def run_recorded(
 ) -> list[dict[str, Any]]:
     """Diagnose real recordings and score the augmented simulators on their official test records.
 
-    Parameters
-    ----------
-    names : sequence of str, optional
-        Default: all recordings and all balls.
-    data_home : path, optional
-        Folder of the recordings, as in the loaders.
-    withhold : bool, default=False
-        The second pass: the documented names and their twins leave the catalogue; right is "unknown" at the right place.
-    verbose : int, default=0
-
-    Returns
-    -------
-    list of dict
-        recording, verdict, named, place, right, before, retuned, after (test RMSE of each test record), unit, published,
-        seconds, missing_term, and in the second pass curve: the learned term over the documented one.
+    ``names``: default: all recordings and all balls.
+    ``data_home``: folder of the recordings, as in the loaders.
+    ``withhold``: the second pass: the documented names and their twins leave the catalogue; right is "unknown" at the
+        right place.
+    Returns list of dict: recording, verdict, named, place, right, before, retuned, after (test RMSE of each test
+        record), unit, published, seconds, missing_term, and in the second pass curve: the learned term over the
+        documented one.
     """
     chosen = names if names is not None else [*RECORDINGS, *fetch_ball_drops(data_home).names]
     rows = []

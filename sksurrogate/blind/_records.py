@@ -21,19 +21,9 @@ MOMENTS = 5
 def as_recorded(case: Case, record: str) -> Case:
     """A case with its record as a plant gives it; truths, plant and tests stay.
 
-    Parameters
-    ----------
-    case : Case
-    record : str
-        One of :data:`RECORDS`.
+    ``record``: one of :data:`RECORDS`.
+    Raises SurrogateError where the record is unknown, or the case has a disturbance that is held over even samples.
 
-    Raises
-    ------
-    SurrogateError
-        The record is unknown, or the case has a disturbance that is held over even samples.
-
-    Examples
-    --------
     >>> from sksurrogate.blind import draw
     >>> case = as_recorded(draw("none", 1), "missing")
     >>> bool(0.15 < np.isnan(case.question.y).mean() < 0.25)

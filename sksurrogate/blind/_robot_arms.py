@@ -65,10 +65,7 @@ class RobotCase:
 def draw_robot_case(arm: str, entropy: int | None = None) -> RobotCase:
     """Draw a case of one of :data:`ROBOT_ARMS`.
 
-    Raises
-    ------
-    SurrogateError
-        No case could be drawn.
+    Raises SurrogateError where no case could be drawn.
     """
     seed = int(np.random.SeedSequence().entropy) if entropy is None else int(entropy)  # type: ignore[arg-type]
     rng = np.random.default_rng([seed, zlib.crc32(arm.encode())])

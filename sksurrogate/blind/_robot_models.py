@@ -18,38 +18,23 @@ CLOCKS = ((0.005, 0.01), (0.004, 0.012), (0.002, 0.01))
 
 @dataclass(frozen=True)
 class RobotSpec:
-    """A robot.
+    """A robot."""
 
-    Attributes
-    ----------
-    joints : tuple of str
-        From the base on; joint k has the actuator ``drive_<joint>``, its link ``link_<joint>``.
-    servo : bool
-        Position servos (inputs are targets) or motors (inputs are torques).
-    gravity : bool
-    timestep, dt : float
-    lengths, masses, damping, armature, kp, kv : tuple of float
-        One for each joint.
-    amplitude : tuple of float
-        Of the inputs.
-    inertia : tuple of float
-        Of the arm about each joint, stretched out.
-    """
-
-    joints: tuple[str, ...]
-    servo: bool
+    joints: tuple[str, ...]  #: From the base on; joint k has the actuator ``drive_<joint>``, its link ``link_<joint>``
+    servo: bool  #: Position servos (inputs are targets) or motors (inputs are torques)
     gravity: bool
     timestep: float
     dt: float
     axes: tuple[str, ...]
+    #: lengths, masses, damping, armature, kp, kv: one for each joint
     lengths: tuple[float, ...]
     masses: tuple[float, ...]
     damping: tuple[float, ...]
     armature: tuple[float, ...]
     kp: tuple[float, ...]
     kv: tuple[float, ...]
-    amplitude: tuple[float, ...]
-    inertia: tuple[float, ...]
+    amplitude: tuple[float, ...]  #: Of the inputs
+    inertia: tuple[float, ...]  #: Of the arm about each joint, stretched out
 
     def mjcf(self, payload: float = 0.0) -> str:
         """The model; with a payload, a sphere of that mass at its tip."""

@@ -20,23 +20,12 @@ FRICTIONS = ("coulomb_friction", "stribeck_friction", "lugre_friction", "asymmet
 
 @dataclass(frozen=True)
 class RobotTruth:
-    """What acts in a real robot.
+    """What acts in a real robot."""
 
-    Attributes
-    ----------
-    name : str
-        Kind; see :data:`ANSWERS`.
-    joint : int
-    size : float
-        Over the natural unit of the kind.
-    dice : tuple of float
-        Further numbers in [0, 1) of which a kind makes its shape.
-    """
-
-    name: str
+    name: str  #: Kind; see :data:`ANSWERS`
     joint: int
-    size: float
-    dice: tuple[float, ...] = ()
+    size: float  #: Over the natural unit of the kind
+    dice: tuple[float, ...] = ()  #: Further numbers in [0, 1) of which a kind makes its shape
 
 
 #: Kind -> right answers (name, location) of a joint, ``{}`` standing for its name.
@@ -141,17 +130,9 @@ def _commands(robot: RobotSpec, truth: RobotTruth | None, run: np.ndarray, ratio
 def robot_case(rng: np.random.Generator, kind: str | None) -> dict[str, Any] | None:
     """A robot with something in it that makes a gap of 8 to 40 times the noise, as plain data; None where it cannot.
 
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-    kind : str or None
-        One of :data:`ANSWERS`; None: nothing.
-
-    Returns
-    -------
-    dict or None
-        robot, truth, U, X0, clean readings of the recorded and the test runs, all of these with the size moved by
-        :data:`MOVED` of itself, noise (n_joints,), gap over noise.
+    ``kind``: one of :data:`ANSWERS`; None: nothing.
+    Returns dict or None: robot, truth, U, X0, clean readings of the recorded and the test runs, all of these with the
+        size moved by :data:`MOVED` of itself, noise (n_joints,), gap over noise.
     """
     robot = draw_robot(rng)
     if kind == "backlash" and not robot.servo:

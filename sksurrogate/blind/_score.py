@@ -22,23 +22,14 @@ IMITATED = 0.95
 def score(case: Case, answer: Mapping[str, Any], *, oracle: bool = True) -> dict[str, Any]:
     """One row of results.
 
-    Parameters
-    ----------
-    case : Case
-    answer : dict
-        What the other process gave.
-    oracle : bool, default=True
-        Whether the shrink of the true effect, refitted, is computed too.
-
-    Returns
-    -------
-    dict
-        Plain data. ``right``: the verdict is the right one, every true effect is named up to twins, nothing false is
-        named. ``named``, ``false_names``: counts. ``exact``: truths named by their own name. ``place``: the location
-        likely is that of a true effect. ``classes``: sizes of the classes reported. ``covered``: whether each true
-        parameter lies in its interval. ``shrink``, ``oracle``: by which share the error on runs nobody fitted fell,
-        without their noise. ``imitated``: explained by other names that close 95 % of the gap on runs nobody fitted: where the true name
-    is withheld they are a right answer, and are counted.
+    ``answer``: what the other process gave.
+    ``oracle``: whether the shrink of the true effect, refitted, is computed too.
+    Returns dict: plain data. ``right``: the verdict is the right one, every true effect is named up to twins, nothing
+        false is named. ``named``, ``false_names``: counts. ``exact``: truths named by their own name. ``place``: the
+        location likely is that of a true effect. ``classes``: sizes of the classes reported. ``covered``: whether each
+        true parameter lies in its interval. ``shrink``, ``oracle``: by which share the error on runs nobody fitted
+        fell, without their noise. ``imitated``: explained by other names that close 95 % of the gap on runs nobody
+        fitted: where the true name
     """
     row: dict[str, Any] = {**case.facts, "expected": ARMS[case.arm][1]}
     if "error" in answer:

@@ -15,34 +15,17 @@ from sksurrogate.exceptions import SurrogateError
 
 @dataclass(frozen=True)
 class Seal:
-    """A closed seal.
+    """A closed seal."""
 
-    Attributes
-    ----------
-    path : path
-        File with the hash and the sealed truth.
-    sha256 : str
-        Hash of the plain text, salt included: published before the diagnosis, it binds the truth.
-    pad : bytes
-        One-time pad, held in memory only.
-    """
-
-    path: Path
-    sha256: str
-    pad: bytes = field(repr=False)
+    path: Path  #: File with the hash and the sealed truth
+    sha256: str  #: Hash of the plain text, salt included: published before the diagnosis, it binds the truth
+    pad: bytes = field(repr=False)  #: One-time pad, held in memory only
 
     def open(self) -> dict[str, Any]:
         """Open and verify.
 
-        Returns
-        -------
-        dict
-            What was sealed.
-
-        Raises
-        ------
-        SurrogateError
-            The file is not the one that was sealed.
+        Returns what was sealed.
+        Raises SurrogateError where the file is not the one that was sealed.
         """
         stored = json.loads(self.path.read_text(encoding="utf-8"))
         sealed = bytes.fromhex(stored["sealed"])

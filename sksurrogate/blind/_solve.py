@@ -140,12 +140,8 @@ def predict(simulator: Any, question: Question, far: bool = False) -> list[Any]:
 class Solver:
     """A process that answers questions, started by exec and not by fork: it inherits no memory.
 
-    Parameters
-    ----------
-    function : str
-        ``module:function`` of one argument, a :class:`Question`; it returns plain data.
-    limit : float
-        Seconds for one question.
+    ``function``: ``module:function`` of one argument, a :class:`Question`; it returns plain data.
+    ``limit``: seconds for one question.
     """
 
     def __init__(self, function: str = DEFAULT, limit: float = 600.0):

@@ -44,17 +44,9 @@ def answered(rows: Iterable[Row]) -> list[Row]:
 def detection(rows: Sequence[Row], edges: Sequence[float] = EDGES) -> list[dict[str, Any]]:
     """How often the true effect is in the class named, over the size of the gap; arms with one effect, no detuning.
 
-    Parameters
-    ----------
-    rows : sequence of dict
-    edges : sequence of float
-        Of the bins of gap / noise.
-
-    Returns
-    -------
-    list of dict
-        gap/noise (text), middle (geometric mean of the cases), cases, named (share), low, high (Wilson, 90 %), false
-        (share with a false name), class (mean size).
+    ``edges``: of the bins of gap / noise.
+    Returns list of dict: gap/noise (text), middle (geometric mean of the cases), cases, named (share), low, high
+        (Wilson, 90 %), false (share with a false name), class (mean size).
     """
     some = [r for r in answered(rows) if r["arm"] in ("effect", "weak", "sizes", "region", "time")]
     found = []
@@ -148,16 +140,10 @@ def _alone(rows: Sequence[Row]) -> dict[str, Any]:
 def misses(groups: Iterable[tuple[str, Sequence[Row]]]) -> list[dict[str, Any]]:
     """All missed cases, grouped by kind.
 
-    Parameters
-    ----------
-    groups : iterable of (kind, rows)
-        As :meth:`BlindResult.failures` gives them.
-
-    Returns
-    -------
-    list of dict
-        kind, arm, seed, plant, runs (number x samples), truth, said, likely (place), gap (over the noise), share (closed
-        on test runs), oracle (the same of the true effect), left (error on test runs over the noise).
+    ``groups`` iterable of (kind, rows): as :meth:`BlindResult.failures` gives them.
+    Returns list of dict: kind, arm, seed, plant, runs (number x samples), truth, said, likely (place), gap (over the
+        noise), share (closed on test runs), oracle (the same of the true effect), left (error on test runs over the
+        noise).
     """
     return [_miss(kind, row) for kind, rows in groups for row in rows]
 

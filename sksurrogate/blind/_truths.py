@@ -18,26 +18,14 @@ Params = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class Truth:
-    """One effect of a plant.
-
-    Attributes
-    ----------
-    name, location : str
-    variable : str or None
-    params : dict of float
-        Magnitude first; while sizes are searched, arrays with one value a column.
-    width : float
-        Width over which a sign is smoothed (units of the variable).
-    variant : str
-        Which inexact form of the effect acts; its own by default.
-    """
+    """One effect of a plant."""
 
     name: str
     location: str
     variable: str | None
-    params: Params
-    width: float = 0.0
-    variant: str = ""
+    params: Params  #: Magnitude first; while sizes are searched, arrays with one value a column
+    width: float = 0.0  #: Width over which a sign is smoothed (units of the variable)
+    variant: str = ""  #: Which inexact form of the effect acts; its own by default
 
     @property
     def key(self) -> tuple[str, str, str | None]:
@@ -53,30 +41,15 @@ class Truth:
 
 @dataclass(frozen=True)
 class Scene:
-    """The nominal behaviour by which sizes are chosen, pooled over runs and samples.
+    """The nominal behaviour by which sizes are chosen, pooled over runs and samples."""
 
-    Attributes
-    ----------
-    x : ndarray (n_points,)
-        Signal at the location: state, input or output; empty for a parameter.
-    v : ndarray (n_points,)
-        The variable, or the location's own signal.
-    w : ndarray (n_points,)
-        Second factor of a variable ``v*w``, else ones.
-    rate : float
-        Typical size of the state's derivative.
-    dt, duration : float
-    dice : ndarray (4,)
-        Uniform numbers that choose shapes.
-    """
-
-    x: np.ndarray
-    v: np.ndarray
-    w: np.ndarray
-    rate: float
+    x: np.ndarray  #: (n_points,): signal at the location: state, input or output; empty for a parameter
+    v: np.ndarray  #: (n_points,): the variable, or the location's own signal
+    w: np.ndarray  #: (n_points,): second factor of a variable ``v*w``, else ones
+    rate: float  #: Typical size of the state's derivative
     dt: float
     duration: float
-    dice: np.ndarray
+    dice: np.ndarray  #: (4,): uniform numbers that choose shapes
 
     @property
     def sign(self) -> float:
@@ -98,29 +71,16 @@ Size = Callable[[Any, Scene], dict[str, Any]]
 
 @dataclass(frozen=True)
 class Kind:
-    """A family of effects.
+    """A family of effects."""
 
-    Attributes
-    ----------
-    place : {"parameter", "balance", "hidden", "limit", "input", "sensor"}
-    size : callable
-        ``size(m, scene) -> params``: m = 0 is not an effect, m about 1 a clear one.
-    twins : tuple of str
-        Names that can imitate it on some data; they leave the catalogue with it in the unknown arm.
-    form : callable, optional
-        The equation: ``form(t, x, v, w, params, width)``.
-    variable : str
-        Which signals drive it: "", "state", "angle", "own", "speed", "other", "product", "input", "output", "signal".
-    needs : str
-        What the plant must be: "", "positive", "warm", "speed".
-    """
-
-    place: str
-    size: Size
+    place: str  #: {"parameter", "balance", "hidden", "limit", "input", "sensor"}
+    size: Size  #: ``size(m, scene) -> params``: m = 0 is not an effect, m about 1 a clear one
+    #: Names that can imitate it on some data; they leave the catalogue with it in the unknown arm
     twins: tuple[str, ...] = ()
-    form: Term | None = None
+    form: Term | None = None  #: The equation: ``form(t, x, v, w, params, width)``
+    #: Which signals drive it: "", "state", "angle", "own", "speed", "other", "product", "input", "output", "signal"
     variable: str = ""
-    needs: str = ""
+    needs: str = ""  #: What the plant must be: "", "positive", "warm", "speed"
     marks: tuple[str, ...] = field(default=())
 
 

@@ -26,15 +26,9 @@ class Elsewhere:
     A strongly penalised model is the reference: what it forgets the plant forgets too, as far as anybody knows, and
     where it stays a better fit has no reason to leave. Nothing is asked of plants that do not forget.
 
-    Parameters
-    ----------
-    model : LagNet
-        The reference, in scaled numbers.
-    U : ndarray (n_runs, n_steps, n_inputs)
-    target : ndarray (n_runs, n_steps, n_outputs)
-        nan after the end of a shorter run.
-    n_first : int
-    rng : RandomState
+    ``model``: the reference, in scaled numbers.
+    ``U`` (n_runs, n_steps, n_inputs).
+    ``target`` (n_runs, n_steps, n_outputs): nan after the end of a shorter run.
     """
 
     def __init__(self, model: Any, U: np.ndarray, target: np.ndarray, n_first: int, rng: np.random.RandomState):

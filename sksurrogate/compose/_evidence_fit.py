@@ -31,18 +31,10 @@ SLOPE_ROWS = 4096
 
 @dataclass(frozen=True, eq=False)
 class Belief:
-    """What a shooting fit knows of its weights and of the noise.
-
-    Attributes
-    ----------
-    scaling : Scaling
-    fit : EvidenceFit
-        In scaled numbers.
-    n_first : int
-    """
+    """What a shooting fit knows of its weights and of the noise."""
 
     scaling: Scaling
-    fit: EvidenceFit
+    fit: EvidenceFit  #: In scaled numbers
     n_first: int
 
     def deviation(self, U: np.ndarray, y: np.ndarray) -> np.ndarray:

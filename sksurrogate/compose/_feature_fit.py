@@ -20,11 +20,7 @@ HORIZONS = (3, 10, 30)
 class FeatureModel:
     """A fitted regressor taken apart: features, then a linear model.
 
-    Parameters
-    ----------
-    estimator : fitted regressor
-    phi : ndarray (n_rows, n_features)
-        Rows that it was fitted to.
+    ``phi`` (n_rows, n_features): rows that it was fitted to.
     """
 
     def __init__(self, estimator: Any, phi: np.ndarray):

@@ -14,12 +14,7 @@ from sksurrogate.runs import Run
 
 
 class Scaling:
-    """Mean and spread of inputs and outputs; the loss is made of scaled numbers.
-
-    Parameters
-    ----------
-    runs : sequence of Run
-    """
+    """Mean and spread of inputs and outputs; the loss is made of scaled numbers."""
 
     def __init__(self, runs: Any):
         X, y = np.concatenate([run.X for run in runs]), np.concatenate([run.y for run in runs])
@@ -68,11 +63,8 @@ def shoot(
 ) -> tuple[LagNet, float]:
     """Fit on free runs; the model's own weights are the start where it is linear.
 
-    Returns
-    -------
-    model : LagNet
-    loss : float
-        inf where no start gave finite free runs.
+    Returns ``model``.
+    Returns ``loss``: inf where no start gave finite free runs.
     """
     scaling = Scaling(runs)
     U, target = cut_pieces(runs, n_first, horizon)

@@ -30,20 +30,12 @@ LENGTHS = (1.4, 0.7, 2.8)
 class DynamicsCorrection:
     """``dx/dt = rhs(t, x, u, p) + g(x, u)`` ("dynamics") or ``rhs(t, x, u + g(u), p)`` ("input").
 
-    Parameters
-    ----------
-    simulator : simulator with a right-hand side or a step
-    residual : pipeline of transformers and a linear model, or None
-        Its transformers give the functions g is made of, its last step gets the coefficients. None: a linear and a
-        smooth part, whose length and sizes are those of the largest evidence.
-    form : {"dynamics", "input"}
-    loss : {"one_step", "shooting"}
-    states : list of str, optional
-        States whose derivative is corrected ("dynamics"); by default all whose balance is not an identity.
-    fade : float
-    shrinkage : float
-        Precision of the prior around no correction, coefficients in units of the spread of the derivative (or input);
-        without ``residual`` the evidence sets it ("shooting").
+    ``residual``: its transformers give the functions g is made of, its last step gets the coefficients. None: a linear
+        and a smooth part, whose length and sizes are those of the largest evidence.
+    ``form`` {"dynamics", "input"}, ``loss`` {"one_step", "shooting"}.
+    ``states``: states whose derivative is corrected ("dynamics"); by default all whose balance is not an identity.
+    ``shrinkage``: precision of the prior around no correction, coefficients in units of the spread of the derivative
+        (or input); without ``residual`` the evidence sets it ("shooting").
     """
 
     #: Rows that a free run starts from; share of the term that acts.

@@ -34,16 +34,10 @@ class ForceCorrection(DynamicsCorrection):
     much as x and u do). Once more around what was learned only where that showed the sensors to be less noisy than
     was thought: elsewhere a second round was measured to bring nothing.
 
-    Parameters
-    ----------
-    simulator : simulator with a right-hand side or a step
-    residual : regressor
-        With ``fit`` and ``predict``.
-    form : {"dynamics", "input"}
-    loss : {"one_step"}
-        A free run has no slopes by the parameters of just any regressor.
-    states, fade, shrinkage
-        As for :class:`DynamicsCorrection`; ``shrinkage`` is the residual's own affair.
+    ``residual``: with ``fit`` and ``predict``.
+    ``form`` {"dynamics", "input"}.
+    ``loss`` {"one_step"}: a free run has no slopes by the parameters of just any regressor.
+    ``states, fade, shrinkage``: as for :class:`DynamicsCorrection`; ``shrinkage`` is the residual's own affair.
     """
 
     def _fit_term(self, inputs: list[np.ndarray], measured: list[np.ndarray], before: Any) -> None:

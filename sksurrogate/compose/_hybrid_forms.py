@@ -32,10 +32,7 @@ class CorrectionSettings:
     def correction(self, simulator: Any, form: str) -> OutputCorrection | DynamicsCorrection:
         """The unfitted correction of a form.
 
-        Raises
-        ------
-        DataError
-            The residual is not an estimator.
+        Raises DataError where the residual is not an estimator.
         """
         residual, fade = self.residual, reach(self.fade)
         inside = form in ("dynamics", "input")

@@ -81,16 +81,7 @@ def _simulated(simulator: Any, plant: Any, inputs: Sequence[np.ndarray], starts:
 class OutputCorrection:
     """``y_h[t] = y_s[t] + f(d[t-1..t-n], u[t..t-n], y_s[t])``, ``d = y_h - y_s``; without d for "static" and "series".
 
-    Parameters
-    ----------
-    simulator : simulator or None
-    residual : regressor or None
-    form : {"output", "static", "series"}
-    loss : {"one_step", "shooting"}
-    n_lags : int
-    fade : float
-    shrinkage : float
-    random_state : int, RandomState or None
+    ``form`` {"output", "static", "series"}, ``loss`` {"one_step", "shooting"}.
     """
 
     #: It acts on the outputs.

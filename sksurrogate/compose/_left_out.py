@@ -82,13 +82,9 @@ def _pieces(block: tuple[int, int, int], n_lags: int) -> list[Piece]:
 class LeftOut:
     """A correction fitted to the runs of each fold, judged on the others.
 
-    Parameters
-    ----------
-    correction : correction
-        With ``taught_on(inputs, measured, pieces)`` and ``errors_at(factors, inputs, measured, pieces)``. A fold with too
-        few rows for the residual says nothing.
-    inputs, measured : sequence of ndarray (n_samples, n_inputs | n_outputs)
-        One a run.
+    ``correction``: with ``taught_on(inputs, measured, pieces)`` and ``errors_at(factors, inputs, measured, pieces)``. A
+        fold with too few rows for the residual says nothing.
+    ``inputs, measured`` sequence of (n_samples, n_inputs | n_outputs): one a run.
     """
 
     def __init__(self, correction: Any, inputs: Sequence[np.ndarray], measured: Sequence[np.ndarray]):
@@ -121,11 +117,8 @@ class LeftOut:
     def errors(self, factors: np.ndarray, fade: float | None = None) -> list[np.ndarray]:
         """Errors (n_factors, n_rows, n_outputs) of every piece at these shares of the correction, behind its first rows.
 
-        Parameters
-        ----------
-        factors : ndarray (n_factors,)
-        fade : float, optional
-            Reach of the correction beyond its data in place of its own.
+        ``factors`` (n_factors,).
+        ``fade``: reach of the correction beyond its data in place of its own.
         """
         errors: list[np.ndarray] = []
         for correction, judged in self.fitted:

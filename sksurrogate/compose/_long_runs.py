@@ -24,22 +24,12 @@ def long_runs(
 ) -> list[np.ndarray]:
     """Free runs of any lengths, window by window.
 
-    Parameters
-    ----------
-    slopes : callable (t, x, u) -> dx/dt on arrays (n, *s)
-    inputs, times : sequence of ndarray (n_samples, n_inputs) and (n_samples,)
-    first : ndarray (n_runs, n_states)
-    order : {0, 1}
-        Hold.
-    n_sub : int
-        Substeps a sample.
-    size : ndarray (n_states,)
-        Size of every state.
-
-    Returns
-    -------
-    list of ndarray (n_samples, n_states)
-        nan from where a run has diverged.
+    ``slopes`` (t, x, u) -> dx/dt on arrays (n, *s), ``inputs, times`` sequence of (n_samples, n_inputs) and
+        (n_samples,), ``first`` (n_runs, n_states).
+    ``order`` {0, 1}: hold.
+    ``n_sub``: substeps a sample.
+    ``size`` (n_states,): size of every state.
+    Returns list of (n_samples, n_states): nan from where a run has diverged.
     """
     lengths = np.array([len(U) for U in inputs])
     starts = np.r_[0, np.cumsum(lengths[:-1])]

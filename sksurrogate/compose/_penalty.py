@@ -25,22 +25,10 @@ def shoot_with(
 ) -> tuple[LagNet, float, float, Belief | None]:
     """Fit on free runs.
 
-    Parameters
-    ----------
-    alpha : float, None, "evidence" or "auto"
-        None: 0.1 for networks, 0 for linear models.
-    model : LagNet
-    runs : sequence of Run
-    **settings
-        Of :func:`shoot`.
-
-    Returns
-    -------
-    model : LagNet
-    loss : float
-    alpha : float
-    belief : Belief or None
-        With "evidence".
+    ``alpha``: None: 0.1 for networks, 0 for linear models.
+    ``**settings``: of :func:`shoot`.
+    Returns ``model``, ``loss``, ``alpha``.
+    Returns ``belief``: with "evidence".
     """
     if alpha == "evidence":
         model, belief = shoot_by_evidence(model, runs, **settings)

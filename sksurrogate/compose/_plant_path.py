@@ -23,10 +23,7 @@ def plant_path(
 ) -> tuple[FitModel, np.ndarray, np.ndarray]:
     """Model over the record, states (n_states, n_rows) that follow the outputs, and sensor noise (n_outputs,).
 
-    Raises
-    ------
-    SimulatorError
-        No step along the data is finite.
+    Raises SimulatorError where no step along the data is finite.
     """
     times = [plant.dt * np.arange(len(U)) for U in inputs]
     record = Record.from_runs(inputs, measured, times, plant.dt)

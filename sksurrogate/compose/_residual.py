@@ -21,29 +21,14 @@ WORK = 6e7
 class FreeRunResidual(BaseEstimator):
     """``d[t] = S'z + W2' tanh(W1'z + b1) + b2`` of past deviations d and known features, the mean of a few such maps.
 
-    Parameters
-    ----------
-    hidden : int, default=6
-        tanh units of each map.
-    n_starts : int, default=5
-        Maps; the ones that follow runs left out best are kept.
-    alpha : float, default=1e-2
-        Penalty on the tanh layer, as a share of the variance of one step's increments.
-    decay : float, default=0.4
-        Weight of a lag relative to the lag before it: older values must explain more to be used.
-    loss : {"shooting", "one_step"}, default="shooting"
-    max_iter : int, default=15
-        Levenberg-Marquardt steps of each map.
-    random_state : int, RandomState or None, default=0
-
-    Attributes
-    ----------
-    net_ : SkipNet
-        The mean of ``members_``.
-    members_ : list of SkipNet
-    n_hidden_ : int
-        Units of each map; fewer than ``hidden`` for few rows.
-    n_outputs_ : int
+    ``hidden``: tanh units of each map.
+    ``n_starts``: maps; the ones that follow runs left out best are kept.
+    ``alpha``: penalty on the tanh layer, as a share of the variance of one step's increments.
+    ``decay``: weight of a lag relative to the lag before it: older values must explain more to be used.
+    ``loss`` {"shooting", "one_step"}.
+    ``max_iter``: Levenberg-Marquardt steps of each map.
+    ``net_``: the mean of ``members_``.
+    ``n_hidden_``: units of each map; fewer than ``hidden`` for few rows.
     """
 
     def __init__(
@@ -69,18 +54,9 @@ class FreeRunResidual(BaseEstimator):
     ) -> FreeRunResidual:
         """Fit on whole runs.
 
-        Parameters
-        ----------
-        known : list of ndarray (n_samples, n_known)
-            Features that do not depend on the deviation.
-        deviation : list of ndarray (n_samples, n_outputs)
-        ages : ndarray (n_known,)
-            Lag of every known feature; 1 counts as new.
-        n_lags : int
-
-        Returns
-        -------
-        self
+        ``known`` list of (n_samples, n_known): features that do not depend on the deviation.
+        ``deviation`` list of (n_samples, n_outputs).
+        ``ages`` (n_known,): lag of every known feature; 1 counts as new.
         """
         o = deviation[0].shape[1]
         self.n_outputs_, self.n_lags_ = o, n_lags

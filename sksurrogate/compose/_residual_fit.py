@@ -13,21 +13,11 @@ from scipy.linalg.lapack import dtbtrs
 
 @dataclass(frozen=True, eq=False)
 class Pieces:
-    """Stretches of runs, all of one length, that are run freely from their own first rows.
+    """Stretches of runs, all of one length, that are run freely from their own first rows."""
 
-    Attributes
-    ----------
-    known : ndarray (n_steps, n_pieces, n_known)
-        Features that do not depend on what is learned.
-    target : ndarray (n_steps, n_pieces, n_outputs)
-        nan behind the end of shorter runs.
-    n_lags : int
-        Rows that are given; also the number of past outputs among the features.
-    """
-
-    known: np.ndarray
-    target: np.ndarray
-    n_lags: int
+    known: np.ndarray  #: (n_steps, n_pieces, n_known): features that do not depend on what is learned
+    target: np.ndarray  #: (n_steps, n_pieces, n_outputs): nan behind the end of shorter runs
+    n_lags: int  #: Rows that are given; also the number of past outputs among the features
 
     @property
     def first(self) -> np.ndarray:

@@ -11,25 +11,16 @@ import numpy as np
 
 @dataclass(frozen=True, eq=False)
 class SkipNet:
-    """``f = S'z + W2' tanh(W1'z + b1) + b2`` with ``z = (phi - mean) / scale``.
+    """``f = S'z + W2' tanh(W1'z + b1) + b2`` with ``z = (phi - mean) / scale``."""
 
-    Attributes
-    ----------
-    mean, scale : ndarray (n_features,)
-    skip : ndarray (n_features, n_outputs)
-    hidden : ndarray (n_features, n_units)
-    hidden_bias : ndarray (n_units,)
-    out : ndarray (n_units, n_outputs)
-    bias : ndarray (n_outputs,)
-    """
-
+    #: mean, scale: (n_features,)
     mean: np.ndarray
     scale: np.ndarray
-    skip: np.ndarray
-    hidden: np.ndarray
-    hidden_bias: np.ndarray
-    out: np.ndarray
-    bias: np.ndarray
+    skip: np.ndarray  #: (n_features, n_outputs)
+    hidden: np.ndarray  #: (n_features, n_units)
+    hidden_bias: np.ndarray  #: (n_units,)
+    out: np.ndarray  #: (n_units, n_outputs)
+    bias: np.ndarray  #: (n_outputs,)
 
     @property
     def parts(self) -> tuple[np.ndarray, ...]:

@@ -24,18 +24,13 @@ PLACES = 64
 
 @dataclass(frozen=True, eq=False)
 class Starts:
-    """What is known of initial states before a run begins.
+    """What is known of initial states before a run begins."""
 
-    Attributes
-    ----------
-    prior : ndarray (n_states,)
-        Standard deviation around the simulator's own initial state; for states that are outputs around their first
-        measurement.
-    sd : ndarray (n_outputs,)
-        Of a few rows around a run of the simulator that starts right: noise, and what the simulator misses meanwhile.
-    """
-
+    #: (n_states,): standard deviation around the simulator's own initial state; for states that are outputs around
+    #: their first measurement
     prior: np.ndarray
+    #: (n_outputs,): of a few rows around a run of the simulator that starts right: noise, and what the simulator
+    #: misses meanwhile
     sd: np.ndarray
 
     def __call__(self, simulator: Any, inputs: Sequence[np.ndarray], first: Sequence[np.ndarray]) -> list[np.ndarray]:

@@ -22,26 +22,14 @@ SHARES = np.linspace(0.0, 1.0, 21)
 
 @dataclass(frozen=True)
 class Support:
-    """The share of a correction that left-out blocks support.
+    """The share of a correction that left-out blocks support."""
 
-    Attributes
-    ----------
-    factor : float
-        Between 0 (the simulator alone) and 1 (the whole correction).
-    closed : float
-        Share of the simulator's squared error on left-out blocks that the correction removes at this factor.
-    standard_error : float
-        Of ``closed``, from leaving out one block after the other (jackknife).
-    n_blocks : int
-    sure : float
-        What ``closed`` is at least with a probability of ``SURE_GAIN``.
-    """
-
-    factor: float
+    factor: float  #: Between 0 (the simulator alone) and 1 (the whole correction)
+    #: Share of the simulator's squared error on left-out blocks that the correction removes at this factor
     closed: float
-    standard_error: float
+    standard_error: float  #: Of ``closed``, from leaving out one block after the other (jackknife)
     n_blocks: int
-    sure: float = 0.0
+    sure: float = 0.0  #: What ``closed`` is at least with a probability of ``SURE_GAIN``
 
 
 def block_powers(errors: Sequence[np.ndarray], ends: Sequence[tuple[int, int]], lengths: Sequence[int]) -> np.ndarray:

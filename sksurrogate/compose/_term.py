@@ -24,14 +24,10 @@ class Basis:
     independent coefficients of variance s^2 are a Gaussian process of variance s^2 there (Nystroem): far from the data
     nothing is left of it but the linear part.
 
-    Parameters
-    ----------
-    z : ndarray (n_rows, n_features)
-        Where it will be used; sets scaling and centres.
-    length : float, optional
-        Length of the kernels, in standard deviations of a feature times the root of their number. None: no smooth functions.
-    transformer : transformer, optional
-        In place of all this.
+    ``z`` (n_rows, n_features): where it will be used; sets scaling and centres.
+    ``length``: length of the kernels, in standard deviations of a feature times the root of their number. None: no
+        smooth functions.
+    ``transformer``: in place of all this.
     """
 
     def __init__(self, z: np.ndarray, length: float | None = None, transformer: Any = None):
@@ -85,26 +81,13 @@ def _covering(rows: np.ndarray, most: int) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class TermModel:
-    """A plant whose derivatives (or inputs) get ``size * (theta . basis(z))`` added.
+    """A plant whose derivatives (or inputs) get ``size * (theta . basis(z))`` added."""
 
-    Attributes
-    ----------
-    plant : FitModel
-        Without free parameters.
-    basis : Basis
-    targets : tuple of int
-        States whose derivative gets a term, or inputs that get one.
-    size : ndarray (n_targets,)
-        Unit of each term.
-    on_inputs : bool
-        Whether inputs are corrected (from inputs alone), else derivatives (from states and inputs).
-    """
-
-    plant: FitModel
+    plant: FitModel  #: Without free parameters
     basis: Basis
-    targets: tuple[int, ...]
-    size: np.ndarray
-    on_inputs: bool
+    targets: tuple[int, ...]  #: States whose derivative gets a term, or inputs that get one
+    size: np.ndarray  #: (n_targets,): unit of each term
+    on_inputs: bool  #: Whether inputs are corrected (from inputs alone), else derivatives (from states and inputs)
 
     @property
     def record(self) -> Record:

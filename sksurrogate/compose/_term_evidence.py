@@ -25,42 +25,21 @@ LEAST_NOISE_SHARE = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class TermFit:
-    """A fitted term.
+    """A fitted term."""
 
-    Attributes
-    ----------
-    theta : ndarray (n_theta,)
-    penalty : ndarray (n_groups,)
-        Of the coefficients of each group, in units of the squares over ``sd``.
-    sd : ndarray (n_outputs,)
-        Noise.
-    log_evidence : float
-        Of white noise, up to a constant of the data; nan where the penalty was given.
-    """
-
-    theta: np.ndarray
-    penalty: np.ndarray
-    sd: np.ndarray
-    log_evidence: float
+    theta: np.ndarray  #: (n_theta,)
+    penalty: np.ndarray  #: (n_groups,): of the coefficients of each group, in units of the squares over ``sd``
+    sd: np.ndarray  #: (n_outputs,): noise
+    log_evidence: float  #: Of white noise, up to a constant of the data; nan where the penalty was given
 
 
 def fit_term(term: TermModel, x: np.ndarray, sd: np.ndarray, known: TermFit | None = None) -> TermFit | None:
     """Fit through the free run, initial states free.
 
-    Parameters
-    ----------
-    term : TermModel
-    x : ndarray (n_states, n_samples)
-        Trajectory to start from.
-    sd : ndarray (n_outputs,)
-        Guess of the noise; its size follows the evidence.
-    known : TermFit, optional
-        Its penalty and noise are taken as they are.
-
-    Returns
-    -------
-    TermFit or None
-        None where no finite free run was found.
+    ``x`` (n_states, n_samples): trajectory to start from.
+    ``sd`` (n_outputs,): guess of the noise; its size follows the evidence.
+    ``known``: its penalty and noise are taken as they are.
+    Returns None where no finite free run was found.
     """
     record = term.record
     groups = np.tile(term.basis.group, len(term.targets))

@@ -21,25 +21,14 @@ class WeakForm:
     that the left-hand side is a sum of differences of y, without error. Integrals of f over an interval go by the
     trapezoidal rule with the input that acts there: held inputs jump at the samples, and f with them.
 
-    Parameters
-    ----------
-    runs : Runs
-        With y.
-    width : int
-        Intervals of a window; a shorter run has one window.
-    held : bool
-        Inputs are held from sample to sample; otherwise joined linearly.
-
-    Attributes
-    ----------
-    points : ndarray (n_points, n_outputs + n_inputs)
-        (y, u) at the left and the right end of every interval.
-    centres : ndarray (n_windows, n_outputs + n_inputs)
-        Means of (y, u) under phi.
-    targets : ndarray (n_windows, n_outputs)
-        ``-int phi' y dt``: the mean of dy/dt under phi.
-    weights : ndarray (n_windows,)
-        What a window says by itself: 1 over the sum of the correlations with all windows that it overlaps.
+    ``runs``: with y.
+    ``width``: intervals of a window; a shorter run has one window.
+    ``held``: inputs are held from sample to sample; otherwise joined linearly.
+    ``points`` (n_points, n_outputs + n_inputs): (y, u) at the left and the right end of every interval.
+    ``centres`` (n_windows, n_outputs + n_inputs): means of (y, u) under phi.
+    ``targets`` (n_windows, n_outputs): ``-int phi' y dt``: the mean of dy/dt under phi.
+    ``weights`` (n_windows,): what a window says by itself: 1 over the sum of the correlations with all windows that it
+        overlaps.
     """
 
     def __init__(self, runs: Runs, width: int, held: bool):

@@ -27,25 +27,13 @@ LARGEST_ARCHIVE = 64 * 2**20
 
 @dataclass(frozen=True)
 class _Source:
-    """Where a recording comes from and what it is known by.
-
-    Attributes
-    ----------
-    url : str
-    file : str
-        SHA-256 of the known file.
-    numbers : str
-        That of its signals (:func:`_numbers`), which another copy in another container shares.
-    signals : tuple of str
-    constants : dict of float
-        Sample time or frequency: known, so that no file needs to be believed.
-    """
+    """Where a recording comes from and what it is known by."""
 
     url: str
-    file: str
-    numbers: str
+    file: str  #: SHA-256 of the known file
+    numbers: str  #: That of its signals (:func:`_numbers`), which another copy in another container shares
     signals: tuple[str, ...]
-    constants: dict[str, float]
+    constants: dict[str, float]  #: Sample time or frequency: known, so that no file needs to be believed
 
 
 _TANKS = _Source(

@@ -43,29 +43,13 @@ class Pattern(NamedTuple):
 def allowed_effects(effects: Sequence[BaseEffect], exclude: Any, plausible: Any, plant: Plant) -> list[BaseEffect]:
     """The effects that a user does not rule out.
 
-    Parameters
-    ----------
-    effects : sequence of BaseEffect
-    exclude : str, tuple, or an iterable of them
-        A name of an effect (everywhere), a place (a state, input, output or parameter: every effect there), or
-        ``(name, location)`` or ``(name, location, variable)``; None in a tuple stands for any, and a name may hold wildcards.
-        A word that is both a name of an effect and a place is the name; write ``(None, place)``.
-    plausible : str, tuple, or an iterable of them, or None
-        The same words. Of effects that entries with a name and a place name, those that fit one of these entries; of the others,
-        those of the names and at the places that stand alone, as far as there are such entries.
-    plant : Plant
+    ``exclude``: a name of an effect (everywhere), a place (a state, input, output or parameter: every effect there), or
+        ``(name, location)`` or ``(name, location, variable)``; None in a tuple stands for any, and a name may hold
+        wildcards. A word that is both a name of an effect and a place is the name; write ``(None, place)``.
+    ``plausible``: the same words. Of effects that entries with a name and a place name, those that fit one of these
+        entries; of the others, those of the names and at the places that stand alone, as far as there are such entries.
+    Raises DataError where an entry names no effect and no place, or nothing is left.
 
-    Returns
-    -------
-    list of BaseEffect
-
-    Raises
-    ------
-    DataError
-        An entry names no effect and no place, or nothing is left.
-
-    Examples
-    --------
     >>> from sksurrogate.datasets import make_reactor
     >>> from sksurrogate.effects import build_effects
     >>> from sksurrogate.physics._simulator import describe

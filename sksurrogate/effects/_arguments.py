@@ -18,10 +18,7 @@ PLACE = ("location", "variable")
 def as_text(effect: BaseEffect) -> dict[str, Any]:
     """Constructor arguments beside the place, as JSON has them.
 
-    Raises
-    ------
-    DataError
-        An argument is nothing that can be written.
+    Raises DataError where an argument is nothing that can be written.
     """
     own = effect.get_params(deep=False)
     return {name: _written(effect, name, value) for name, value in own.items() if name not in PLACE}
@@ -55,10 +52,7 @@ def _written(effect: BaseEffect, name: str, value: Any) -> Any:
 def as_arguments(text: Mapping[str, Any]) -> dict[str, Any]:
     """Constructor arguments from what :func:`as_text` wrote.
 
-    Raises
-    ------
-    ValueError, TypeError
-        It is not such a text.
+    Raises ValueError, TypeError where it is not such a text.
     """
     return {str(name): _read(value) for name, value in text.items()}
 

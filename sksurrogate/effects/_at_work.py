@@ -14,20 +14,9 @@ from sksurrogate.exceptions import SimulatorError
 def acting_in(effects: Sequence[Any], runs: Sequence[Sequence[Any] | None] | None, label: Any) -> list[int]:
     """Numbers of the effects that act in a run.
 
-    Parameters
-    ----------
-    effects : sequence
-    runs : sequence or None
-        For each effect the labels of its runs, None for all.
-    label : object
+    ``runs``: for each effect the labels of its runs, None for all.
+    Raises SimulatorError: ``runs`` has another length, or lists the run under the same text in another type.
 
-    Raises
-    ------
-    SimulatorError
-        ``runs`` has another length, or lists the run under the same text in another type.
-
-    Examples
-    --------
     >>> acting_in(["lag", "gain"], [["b"], None], "a")
     [1]
     """
@@ -50,13 +39,8 @@ def acting_in(effects: Sequence[Any], runs: Sequence[Sequence[Any] | None] | Non
 def paired(effects: Sequence[Any], values: Sequence[Any]) -> list[tuple[BaseEffect, Any]]:
     """Effects with their values.
 
-    Raises
-    ------
-    SimulatorError
-        An entry is no effect, or there are not as many values.
+    Raises SimulatorError where an entry is no effect, or there are not as many values.
 
-    Examples
-    --------
     >>> from sksurrogate.effects import CATALOGUE
     >>> [(effect.name, given) for effect, given in paired([CATALOGUE["input_lag"]("u")], [{"time_constant": 0.1}])]
     [('input_lag', {'time_constant': 0.1})]

@@ -203,9 +203,7 @@ OWN_NUMBERS = {"before": actuator.RememberingActuator, "earliest": sensor.Sensor
 def check_place(effect: BaseEffect, plant: Plant) -> None:
     """Say which name an effect uses that the plant does not have, or which of its numbers is none.
 
-    Raises
-    ------
-    DataError
+    Raises DataError.
     """
     for name, kind in OWN_NUMBERS.items():
         value = getattr(effect, name, None) if isinstance(effect, kind) else None

@@ -49,23 +49,15 @@ def _spline(z: Any) -> Any:
 
 
 class Shape(NamedTuple):
-    """A function of one signal.
+    """A function of one signal."""
 
-    Attributes
-    ----------
-    value : callable (v, c, w, *more) -> value
-        Of the signal with the constant c, the width w of kinks and further constants.
-    text, latex : str
-        With {v}, {c} and {d}.
-    symbolic : callable (sympy, v, c, d) -> expression
-    bounds : tuple of (float, float)
-        Of every constant that a fit may move; none for what stays.
-    """
-
+    #: (v, c, w, *more) -> value: of the signal with the constant c, the width w of kinks and further constants
     value: Callable[..., Any]
+    #: text, latex: with {v}, {c} and {d}
     text: str
     latex: str
-    symbolic: Callable[..., Any]
+    symbolic: Callable[..., Any]  #: (sympy, v, c, d) -> expression
+    #: tuple of (float, float): of every constant that a fit may move; none for what stays
     bounds: tuple[tuple[float, float], ...] = ()
 
 
@@ -209,16 +201,11 @@ def signal_names(name: str) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class Term:
-    """A product of shapes.
+    """A product of shapes."""
 
-    Attributes
-    ----------
-    factors : tuple of (shape, variable, constant, width, further constants...)
-        Shape of :data:`SHAPES`; name of a state or input ("t" for the time since the start, "a - b" for a difference,
-        "lag(v)" for the recent past); constant of the shape; width over which its kink is rounded; a second constant of shapes
-        that have one.
-    """
-
+    #: tuple of (shape, variable, constant, width, further constants...): shape of :data:`SHAPES`; name of a state or
+    #: input ("t" for the time since the start, "a - b" for a difference, "lag(v)" for the recent past); constant of
+    #: the shape; width over which its kink is rounded; a second constant of shapes that have one
     factors: tuple[Factor, ...] = ()
 
     @property
@@ -266,8 +253,6 @@ class Term:
     def value(self, signals: Mapping[str, Any], t: Any = 0.0) -> Any:
         """Of arrays by name.
 
-        Examples
-        --------
         >>> drag = Term((("drag", "speed", 0.0, 0.0),))
         >>> drag.text, float(drag.value({"speed": -2.0}))
         ('speed*abs(speed)', -4.0)

@@ -35,24 +35,13 @@ def augmented_states(
 ) -> tuple[np.ndarray, BoundModel, bool]:
     """States of all runs.
 
-    Parameters
-    ----------
-    build : callable ``build(n_sub, scale, bare=False) -> BoundModel``
-        ``bare`` leaves the effects out.
-    X0 : ndarray (n_nominal_states, n_runs)
-    scale : ndarray (n_nominal_states,) or None
-        Sizes of the states; None: those of the free run without effects.
-    method : str
-        "auto", "RK4", or a method of :func:`scipy.integrate.solve_ivp`.
-
-    Returns
-    -------
-    X : ndarray (n_states, n_samples)
-        Not finite from where a run diverges.
-    bound : BoundModel
-        The model that made them.
-    fixed : bool
-        Whether a recursion of fixed operations made them, and not an integrator of scipy.
+    ``build`` ``build(n_sub, scale, bare=False) -> BoundModel``: ``bare`` leaves the effects out.
+    ``X0`` (n_nominal_states, n_runs).
+    ``scale`` (n_nominal_states,): sizes of the states; None: those of the free run without effects.
+    ``method``: "auto", "RK4", or a method of :func:`scipy.integrate.solve_ivp`.
+    Returns ``X`` (n_states, n_samples): not finite from where a run diverges.
+    Returns ``bound``: the model that made them.
+    Returns ``fixed``: whether a recursion of fixed operations made them, and not an integrator of scipy.
     """
     unit = np.ones(len(X0))
     first = build(1, unit)

@@ -202,14 +202,9 @@ class InputDeadZone(InputEffect):
 class RememberingActuator(InputEffect):
     """An actuator whose output depends on the past, also on that before the record.
 
-    Parameters
-    ----------
-    location : str, optional
-        The input.
-    variable : None
-    before : float, optional
-        The input before the first row of every run, as 0 where a run begins with a step from rest. None: the value of the first row.
-        ``w(0)`` of the equation is the same.
+    ``location``: the input.
+    ``before``: the input before the first row of every run, as 0 where a run begins with a step from rest. None: the
+        value of the first row. ``w(0)`` of the equation is the same.
     """
 
     def __init__(self, location: str | None = None, variable: str | None = None, before: Any = None):

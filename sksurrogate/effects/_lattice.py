@@ -57,17 +57,10 @@ def lattice_steps(readings: np.ndarray) -> list[float]:
 
     White noise of deviation s after the rounding leaves a coherence of ``exp(-2 pi^2 s^2 / step^2)``.
 
-    Parameters
-    ----------
-    readings : ndarray (n_samples,)
+    ``readings`` (n_samples,).
+    Returns list of float: at most one step: the clearest about the coarsest of those that are about as clear as the
+        clearest.
 
-    Returns
-    -------
-    list of float
-        At most one step: the clearest about the coarsest of those that are about as clear as the clearest.
-
-    Examples
-    --------
     >>> import numpy as np
     >>> y = 20.0 + np.cumsum(np.random.default_rng(0).normal(size=2000)) / 30
     >>> steps = lattice_steps(0.25 * np.round(y / 0.25))

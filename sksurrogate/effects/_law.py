@@ -19,17 +19,10 @@ LAST = 99
 class _Formula(BaseEffect):
     """What laws at all places share: a formula whose coefficients, and constants where they are free, are the parameters.
 
-    Parameters
-    ----------
-    location : str
-        State in whose balance the law stands.
-    variable : str, optional
-        Its signals joined by ``*``, names sorted.
-    terms : tuple of Term
-    values : tuple of float, optional
-        Parameters found; where a fit starts.
-    free : bool, default=False
-        Whether the constants inside the shapes are parameters too, behind the coefficients.
+    ``location``: state in whose balance the law stands.
+    ``variable``: its signals joined by ``*``, names sorted.
+    ``values``: parameters found; where a fit starts.
+    ``free``: whether the constants inside the shapes are parameters too, behind the coefficients.
     """
 
     #: Unit of a coefficient's numerator.

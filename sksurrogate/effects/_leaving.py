@@ -38,21 +38,11 @@ def _checked(parts: Parts) -> Parts:
 def steps_of(parts: Parts, X: np.ndarray, bound: BoundModel, scale: Any, sharpness: float) -> int:
     """Substeps of a run with which an export equals it.
 
-    Parameters
-    ----------
-    parts : tuple
-        Plant, effects, their parameters in a row.
-    X : ndarray (n_states, n_samples)
-        The run.
-    bound : BoundModel
-        The model that made it.
-    scale, sharpness
-        As in :class:`AugmentedSimulator`.
-
-    Raises
-    ------
-    SimulatorError
-        The run smooths kinks over other sizes than an export, or has another sample time.
+    ``parts``: plant, effects, their parameters in a row.
+    ``X`` (n_states, n_samples): the run.
+    ``bound``: the model that made it.
+    ``scale, sharpness``: as in :class:`AugmentedSimulator`.
+    Raises SimulatorError where the run smooths kinks over other sizes than an export, or has another sample time.
     """
     plant, effects, theta = parts
     if not np.isclose(bound.record.dt, plant.dt, rtol=1e-9):

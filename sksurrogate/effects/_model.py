@@ -39,19 +39,10 @@ class AugmentedModel:
     The parameter vector ``theta`` holds the parameters of every effect in turn, then one number a free parameter: the
     logarithm of its factor, or what is added to it where its nominal value is 0.
 
-    Parameters
-    ----------
-    model : PlantModel
-    effects : sequence of BaseEffect
-    free : sequence of str
-        Names of the parameters that are re-tuned.
-    record : Record
-    n_sub : int
-        Substeps a sample.
-    scale : ndarray (n_nominal_states,)
-        Size of every state.
-    sharpness : float, default=50
-        Kinks are smoothed over a variable's size divided by it.
+    ``free``: names of the parameters that are re-tuned.
+    ``n_sub``: substeps a sample.
+    ``scale`` (n_nominal_states,): size of every state.
+    ``sharpness``: kinks are smoothed over a variable's size divided by it.
     """
 
     def __init__(
@@ -182,10 +173,7 @@ class AugmentedModel:
 class BoundModel:
     """An :class:`AugmentedModel` with its parameters filled in: a step map over all samples, and its outputs.
 
-    Parameters
-    ----------
-    augmented : AugmentedModel
-    theta : ndarray (n_theta, n_columns)
+    ``theta`` (n_theta, n_columns).
     """
 
     def __init__(self, augmented: AugmentedModel, theta: np.ndarray):

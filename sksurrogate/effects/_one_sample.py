@@ -25,19 +25,12 @@ PROBED = (0.01, 1.0, 100.0)
 
 @dataclass(frozen=True, eq=False)
 class Pieces:
-    """One input over one sample.
+    """One input over one sample."""
 
-    Attributes
-    ----------
-    mean, half : tuple (n_sub,)
-        Mean and half rise in every substep; ``half`` is None where the input is held.
-    shown : object
-        Value at the start of the sample.
-    """
-
+    #: mean, half: tuple (n_sub,): mean and half rise in every substep; ``half`` is None where the input is held
     mean: tuple[Any, ...]
     half: tuple[Any, ...] | None
-    shown: Any
+    shown: Any  #: Value at the start of the sample
 
     @classmethod
     def held(cls, u: Any, n_sub: int) -> Pieces:
@@ -67,20 +60,9 @@ def own_values(effect: BaseEffect, theta: Sequence[float]) -> Sequence[float]:
 class InputInSample:
     """An effect on an input, sample by sample.
 
-    Parameters
-    ----------
-    effect : InputEffect
-    theta : sequence of float
-    h : float
-        Width of a substep.
-    n_sub : int
-    ramps : bool
-        Whether what arrives may move within a sample.
-
-    Raises
-    ------
-    SimulatorError
-        An effect of one's own has a memory that is not known here.
+    ``h``: width of a substep.
+    ``ramps``: whether what arrives may move within a sample.
+    Raises SimulatorError where an effect of one's own has a memory that is not known here.
     """
 
     def __init__(self, effect: InputEffect, theta: Sequence[float], h: float, n_sub: int, ramps: bool):
@@ -198,16 +180,7 @@ def _remembers(effect: BaseEffect, theta: Sequence[float], h: float) -> bool:
 class SensorInSample:
     """A sensor with a memory, sample by sample.
 
-    Parameters
-    ----------
-    effect : SensorEffect
-    theta : sequence of float
-    dt : float
-
-    Raises
-    ------
-    SimulatorError
-        The sensor has no such form.
+    Raises SimulatorError where the sensor has no such form.
     """
 
     def __init__(self, effect: SensorEffect, theta: Sequence[float], dt: float):

@@ -27,10 +27,7 @@ def stacked(rows: list[Any]) -> np.ndarray:
 class SymbolModel:
     """The functions of a plant as :class:`PlantModel` has them, called with symbols.
 
-    Parameters
-    ----------
-    plant : Plant
-        With access "rhs" or "step".
+    ``plant``: with access "rhs" or "step".
     """
 
     def __init__(self, plant: Plant):

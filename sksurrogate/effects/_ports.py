@@ -24,25 +24,16 @@ FEW = 2
 
 @dataclass(frozen=True)
 class Port:
-    """A port at which laws are sought.
-
-    Attributes
-    ----------
-    name : str
-    speeds, positions, levels : tuple of str
-        States that may drive a law: speeds that the port moves and their integrals, or other states that it moves.
-    coupled : tuple of str
-        Speeds and positions of other ports, whose losses and stiffnesses may act here.
-    constant : bool
-        Whether a constant force is sought too: at an input it is the input's bias.
-    """
+    """A port at which laws are sought."""
 
     name: str
+    #: speeds, positions, levels: states that may drive a law: speeds that the port moves and their integrals, or other
+    #: states that it moves
     speeds: tuple[str, ...] = ()
     positions: tuple[str, ...] = ()
     levels: tuple[str, ...] = ()
-    coupled: tuple[str, ...] = ()
-    constant: bool = False
+    coupled: tuple[str, ...] = ()  #: Speeds and positions of other ports, whose losses and stiffnesses may act here
+    constant: bool = False  #: Whether a constant force is sought too: at an input it is the input's bias
 
     def drivers(self, kind: type[BalanceEffect]) -> tuple[str | None, ...]:
         """Signals that may drive a law here; None for a function of time or a constant."""
@@ -59,16 +50,9 @@ class Port:
 
 @dataclass(frozen=True)
 class Places:
-    """Where laws are sought.
+    """Where laws are sought."""
 
-    Attributes
-    ----------
-    balances : tuple of str
-        States.
-    ports : tuple of Port
-    """
-
-    balances: tuple[str, ...]
+    balances: tuple[str, ...]  #: States
     ports: tuple[Port, ...] = ()
 
     def instances(self, kind: type[BaseEffect], plant: Plant) -> Iterator[BaseEffect]:
@@ -96,16 +80,9 @@ def at_port(effect: BaseEffect, plant: Plant) -> bool:
 def places_of(plant: Plant, balances: Sequence[str]) -> Places:
     """Where laws are sought on a plant: balances, and ports that are no balances.
 
-    Parameters
-    ----------
-    plant : Plant
-    balances : sequence of str
-        States whose balance may hold an effect.
-
-    Returns
-    -------
-    Places
-        Forces at further ports (joints) that together make every acceleration stand for laws of those balances.
+    ``balances``: states whose balance may hold an effect.
+    Returns Places: forces at further ports (joints) that together make every acceleration stand for laws of those
+        balances.
     """
     if plant.access == "trajectory" or not plant.ports:
         return Places(tuple(balances))

@@ -10,21 +10,16 @@ FOREIGN_DRIVER = 10.0
 
 
 class PriorOdds:
-    """Prior odds of an effect against a friction, a gain or an offset.
-
-    Attributes
-    ----------
-    rarity : float
-        How many times less probable than these: 10 for an effect with a state or a clock of its own, or a product of signals.
-    natural_drivers : tuple of str
-        Variables that the form is known for: "own" (the state of the location), "position" (a state that is the integral
-        of another), "other" (any).
-    """
+    """Prior odds of an effect against a friction, a gain or an offset."""
 
     kind: ClassVar[str]
     location: str | None
     variable: str | None
+    #: How many times less probable than these: 10 for an effect with a state or a clock of its own, or a product of
+    #: signals
     rarity: ClassVar[float] = 1.0
+    #: Variables that the form is known for: "own" (the state of the location), "position" (a state that is the
+    #: integral of another), "other" (any)
     natural_drivers: ClassVar[tuple[str, ...]] = ("own", "position", "other")
 
     def prior_weight(self, positions: Collection[str] = ()) -> float:

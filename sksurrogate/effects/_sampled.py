@@ -39,26 +39,13 @@ def names_of_memory(effect: BaseEffect, size: int) -> list[str]:
 class SampledForm:
     """``x_next, y = f(x, u)`` of a simulator with effects, the input held.
 
-    Parameters
-    ----------
-    plant : Plant
-        With access "rhs" or "step".
-    effects : sequence of BaseEffect
-    theta : ndarray (n_theta,)
-        Their parameters in a row.
-    n_sub : int
-        Runge-Kutta substeps of a right-hand side.
-    scale : array-like (n_states,) or None
-        Sizes of the states, over which kinks are smoothed.
-    sharpness : float
-    symbols : bool
-        Whether the states are symbols of a graph.
-
-    Attributes
-    ----------
-    states : list of str
-        Those of the simulator, then those of laws, actuators and sensors. A slow sensor of a simulator without a right-hand
-        side also keeps how much its output rose in the sample before (``OUTPUT_rise``).
+    ``plant``: with access "rhs" or "step".
+    ``theta`` (n_theta,): their parameters in a row.
+    ``n_sub``: Runge-Kutta substeps of a right-hand side.
+    ``scale`` (n_states,): sizes of the states, over which kinks are smoothed.
+    ``symbols``: whether the states are symbols of a graph.
+    ``states``: those of the simulator, then those of laws, actuators and sensors. A slow sensor of a simulator without
+        a right-hand side also keeps how much its output rose in the sample before (``OUTPUT_rise``).
     """
 
     def __init__(

@@ -39,19 +39,10 @@ EXCESS = 0.3
 def lag_moments(ratio: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """What a first-order lag makes of 1, s, s^2, s^3 over one sample, s from 0 to 1.
 
-    Parameters
-    ----------
-    ratio : ndarray (n_columns, 1)
-        Time constant over sample time, >= 0.
-
-    Returns
-    -------
-    moments : ndarray (4, n_columns, 1)
-        ``integral of exp(-(1 - s) / ratio) / ratio * s^j``.
-    decay : ndarray (n_columns, 1)
-        ``exp(-1 / ratio)``.
-    decay_rate : ndarray (n_columns, 1)
-        ``exp(-1 / ratio) / ratio``.
+    ``ratio`` (n_columns, 1): time constant over sample time, >= 0.
+    Returns ``moments`` (4, n_columns, 1): ``integral of exp(-(1 - s) / ratio) / ratio * s^j``.
+    Returns ``decay`` (n_columns, 1): ``exp(-1 / ratio)``.
+    Returns ``decay_rate`` (n_columns, 1): ``exp(-1 / ratio) / ratio``.
     """
     k = np.maximum(ratio, 1e-15)
     decay = np.exp(-1.0 / k)
@@ -123,12 +114,8 @@ class SensorLag(SensorEffect):
 class SensorDelay(SensorEffect):
     """A reading that comes late: ``y(t - c)``; before the first row its value.
 
-    Parameters
-    ----------
-    location : str, optional
-    variable : None
-    earliest : float, default=0
-        Least delay. Below 0 the clock of this sensor may be ahead of the others: a reading shows what is to come.
+    ``earliest``: least delay. Below 0 the clock of this sensor may be ahead of the others: a reading shows what is to
+        come.
     """
 
     name = "sensor_delay"

@@ -57,13 +57,8 @@ def pade_of(delay: float, order: int) -> tuple[np.ndarray, np.ndarray, np.ndarra
 class _Slow:
     """A lag or a delay in continuous time: states and their rates.
 
-    Parameters
-    ----------
-    effect : InputLag, SensorLag, InputDelay or SensorDelay
-    value : float
-        Time constant or delay, > 0.
-    order : int
-        Of Pade's approximation of a delay.
+    ``value``: time constant or delay, > 0.
+    ``order``: of Pade's approximation of a delay.
     """
 
     def __init__(self, effect: BaseEffect, value: float, order: int):
@@ -91,21 +86,11 @@ class SmallSignal:
 
     A rate limit that is not reached passes everything on; delays are Pade's approximations.
 
-    Parameters
-    ----------
-    plant : Plant
-        With access "rhs".
-    effects : sequence of BaseEffect
-    theta : ndarray (n_theta,)
-    order : int
-        Of Pade's approximation of a delay.
-    scale, sharpness
-        As in :class:`AugmentedSimulator`.
-
-    Attributes
-    ----------
-    states, inputs, outputs, params, dt, hold, x0
-        As a simulator has them.
+    ``plant``: with access "rhs".
+    ``theta`` (n_theta,).
+    ``order``: of Pade's approximation of a delay.
+    ``scale, sharpness``: as in :class:`AugmentedSimulator`.
+    ``states, inputs, outputs, params, dt, hold, x0``: as a simulator has them.
     """
 
     def __init__(
@@ -143,10 +128,7 @@ class SmallSignal:
     def complete(self, x: np.ndarray, u: np.ndarray) -> np.ndarray:
         """All states, those of the effects at rest under a constant input.
 
-        Raises
-        ------
-        SimulatorError
-            A state stands at its limit.
+        Raises SimulatorError where a state stands at its limit.
         """
         a, given = self.bound.a, stacked(list(x))
         for i, effect in enumerate(a.effects):
@@ -248,12 +230,7 @@ def _share(effect: BaseEffect, values: Sequence[Any], t: Any) -> Any:
 
 
 class SampledPoint:
-    """A :class:`SampledForm` as a simulator with ``step``: for linearisation and python-control.
-
-    Parameters
-    ----------
-    form : SampledForm
-    """
+    """A :class:`SampledForm` as a simulator with ``step``: for linearisation and python-control."""
 
     def __init__(self, form: SampledForm):
         plant = self.plant = form.plant

@@ -29,24 +29,15 @@ _KNOWN: weakref.WeakKeyDictionary[PlantModel, np.ndarray] = weakref.WeakKeyDicti
 
 @dataclass(frozen=True, eq=False)
 class Structure:
-    """What the random points show.
+    """What the random points show."""
 
-    Attributes
-    ----------
-    speed_of : dict of str or None
-        Kinematic states; the state that each is the integral of, None where it is only declared as one.
-    gain : ndarray (n_states, n_ports, n_points)
-        Change of the rate of every state by a unit of what enters at a port; nan where the plant has no rate.
-    moved : ndarray of bool (n_states, n_ports)
-        Whether it moves at all; never a kinematic state.
-    constant : ndarray of bool (n_states, n_ports)
-        Whether the gain is the same at all points.
-    """
-
+    #: Kinematic states; the state that each is the integral of, None where it is only declared as one
     speed_of: dict[str, str | None]
+    #: (n_states, n_ports, n_points): change of the rate of every state by a unit of what enters at a port; nan where
+    #: the plant has no rate
     gain: np.ndarray
-    moved: np.ndarray
-    constant: np.ndarray
+    moved: np.ndarray  #: bool (n_states, n_ports): whether it moves at all; never a kinematic state
+    constant: np.ndarray  #: bool (n_states, n_ports): whether the gain is the same at all points
 
     def is_a_balance(self, port: int) -> bool:
         """Whether what enters at a port enters one balance, and always in proportion: a law there is one of that balance."""

@@ -17,30 +17,18 @@ from sksurrogate.physics._simulator import Plant
 
 @dataclass(frozen=True)
 class Wire:
-    """The wiring of one effect.
+    """The wiring of one effect."""
 
-    Attributes
-    ----------
-    place : int
-        State whose balance holds the effect; -1: none.
-    drivers : tuple of (bool, int)
-        Signals of the variable: whether it is a state, and its position.
-    width : float or None
-        Width over which kinks are smoothed, in units of the variable (None: of time).
-    port : int
-        Port at which a law adds to what enters; -1: none.
-    parameter : (str, float) or None
-        Parameter of the simulator, and its value, to which the law's magnitude adds in place of a force (``law_parameters``).
-    feedback : float
-        What a unit of the effect's force changes in the rate of its own variable: 1 in the balance of that variable, at most
-        the port's gain at a port, else 0.
-    """
-
-    place: int
+    place: int  #: State whose balance holds the effect; -1: none
+    #: tuple of (bool, int): signals of the variable: whether it is a state, and its position
     drivers: tuple[tuple[bool, int], ...]
-    width: float | None
-    port: int = -1
+    width: float | None  #: Width over which kinks are smoothed, in units of the variable (None: of time)
+    port: int = -1  #: Port at which a law adds to what enters; -1: none
+    #: What a unit of the effect's force changes in the rate of its own variable: 1 in the balance of that variable, at
+    #: most the port's gain at a port, else 0
     feedback: float = 0.0
+    #: Parameter of the simulator, and its value, to which the law's magnitude adds in place of a force
+    #: (``law_parameters``)
     parameter: tuple[str, float] | None = None
 
 

@@ -44,25 +44,15 @@ BINARY: dict[str, tuple[Callable[..., Any], Callable[[Any, Any, Any], tuple[Any,
 
 @dataclass(frozen=True, eq=False)
 class Node:
-    """One operation: ``op`` on earlier nodes.
+    """One operation: ``op`` on earlier nodes."""
 
-    Attributes
-    ----------
-    op : str
-        "input", "constant", "affine" (``x W + b``), "concat", "take" (components), "peak" (largest component), "choose" (one
-        component that is 0 or not, then two vectors: the first where it is not 0), or a name in ``UNARY`` or ``BINARY``; the
-        exponent of "pow" is a constant.
-    args : tuple of int
-    size : int
-        Components.
-    data : tuple
-        Numbers that belong to it.
-    """
-
+    #: "input", "constant", "affine" (``x W + b``), "concat", "take" (components), "peak" (largest component), "choose"
+    #: (one component that is 0 or not, then two vectors: the first where it is not 0), or a name in ``UNARY`` or
+    #: ``BINARY``; the exponent of "pow" is a constant
     op: str
     args: tuple[int, ...]
-    size: int
-    data: tuple[Any, ...] = ()
+    size: int  #: Components
+    data: tuple[Any, ...] = ()  #: Numbers that belong to it
 
 
 @dataclass(eq=False)

@@ -12,24 +12,14 @@ from sksurrogate.kernels.linear_fit import linear_least_squares
 
 @dataclass(frozen=True, eq=False)
 class Arrow:
-    """Normal equations of ``min |r - Jt dtheta - Jx dx0(run)|^2``, columns scaled to norm 1.
+    """Normal equations of ``min |r - Jt dtheta - Jx dx0(run)|^2``, columns scaled to norm 1."""
 
-    Attributes
-    ----------
-    Htt : ndarray (n_theta, n_theta)
-    Htx : ndarray (n_runs, n_theta, n_x)
-    Hxx : ndarray (n_runs, n_x, n_x)
-    gt : ndarray (n_theta,)
-    gx : ndarray (n_runs, n_x)
-    t_scale, x_scale : ndarray
-        Norms that the columns were divided by.
-    """
-
-    Htt: np.ndarray
-    Htx: np.ndarray
-    Hxx: np.ndarray
-    gt: np.ndarray
-    gx: np.ndarray
+    Htt: np.ndarray  #: (n_theta, n_theta)
+    Htx: np.ndarray  #: (n_runs, n_theta, n_x)
+    Hxx: np.ndarray  #: (n_runs, n_x, n_x)
+    gt: np.ndarray  #: (n_theta,)
+    gx: np.ndarray  #: (n_runs, n_x)
+    #: t_scale, x_scale: norms that the columns were divided by
     t_scale: np.ndarray
     x_scale: np.ndarray
 
@@ -40,16 +30,11 @@ class Arrow:
     ) -> Arrow:  # fmt: skip
         """From Jacobians and residuals.
 
-        Parameters
-        ----------
-        Jt : ndarray (n_outputs, n_theta, n_samples)
-        Jx : ndarray (n_outputs, n_x, n_samples)
-        r : ndarray (n_outputs, n_samples)
-        sd : ndarray (n_outputs,)
-            Size of the noise, which rows are divided by.
-        starts : ndarray of int (n_runs,)
-        precision, pull : ndarray (n_theta,)
-            Gaussian prior: adds ``precision`` to the normal matrix and ``pull`` to the gradient.
+        ``Jt`` (n_outputs, n_theta, n_samples), ``Jx`` (n_outputs, n_x, n_samples), ``r`` (n_outputs, n_samples).
+        ``sd`` (n_outputs,): size of the noise, which rows are divided by.
+        ``starts`` int (n_runs,).
+        ``precision, pull`` (n_theta,): Gaussian prior: adds ``precision`` to the normal matrix and ``pull`` to the
+            gradient.
         """
         k, n = Jt.shape[1], Jt.shape[1] + Jx.shape[1]
         rows = np.concatenate([Jt, Jx, r[:, None]], axis=1)

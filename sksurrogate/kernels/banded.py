@@ -16,15 +16,10 @@ SAMPLES_SQUARED_AT_ONCE = 16
 def recursion_band(A: np.ndarray, starts: np.ndarray) -> np.ndarray:
     """Band of the unit lower triangular matrix of ``s[k+1] - A[k] s[k] = b[k+1]``.
 
-    Parameters
-    ----------
-    A : ndarray (n_states, n_states, n_samples)
-        ``A[:, :, k]`` leads from row k to row k + 1; the last row of every run is not used.
-    starts : ndarray of int (n_runs,)
-
-    Returns
-    -------
-    ndarray (2 n_states, n_samples * n_states), Fortran order
+    ``A`` (n_states, n_states, n_samples): ``A[:, :, k]`` leads from row k to row k + 1; the last row of every run is
+        not used.
+    ``starts`` int (n_runs,).
+    Returns ndarray (2 n_states, n_samples * n_states), Fortran order.
     """
     n, _, n_samples = A.shape
     band = np.zeros((n_samples, n, 2 * n))  # its transpose is Fortran ordered
@@ -40,18 +35,10 @@ def recursion_band(A: np.ndarray, starts: np.ndarray) -> np.ndarray:
 def solve_recursion(band: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Solve ``s[k+1] - A[k] s[k] = b[k+1]``, ``s = b`` at the first row of each run.
 
-    Parameters
-    ----------
-    band : ndarray (2 n_states, n_samples * n_states)
-        From :func:`recursion_band`.
-    b : ndarray (n_states, n_columns, n_samples)
+    ``band`` (2 n_states, n_samples * n_states): from :func:`recursion_band`.
+    ``b`` (n_states, n_columns, n_samples).
+    Returns (n_states, n_columns, n_samples).
 
-    Returns
-    -------
-    ndarray (n_states, n_columns, n_samples)
-
-    Examples
-    --------
     >>> A = np.full((1, 1, 3), 0.5)
     >>> solve_recursion(recursion_band(A, np.array([0])), np.array([[[1.0, 0.0, 0.0]]]))
     array([[[1.  , 0.5 , 0.25]]])
@@ -68,18 +55,10 @@ def solve_recursion(band: np.ndarray, b: np.ndarray) -> np.ndarray:
 def solve_adjoint(band: np.ndarray, c: np.ndarray) -> np.ndarray:
     """Solve the transposed recursion, ``m[k] - A[k]' m[k+1] = c[k]``: what a change of ``b[k]`` does to ``sum c s``.
 
-    Parameters
-    ----------
-    band : ndarray (2 n_states, n_samples * n_states)
-        From :func:`recursion_band`.
-    c : ndarray (n_states, n_samples)
+    ``band`` (2 n_states, n_samples * n_states): from :func:`recursion_band`.
+    ``c`` (n_states, n_samples).
+    Returns (n_states, n_samples).
 
-    Returns
-    -------
-    ndarray (n_states, n_samples)
-
-    Examples
-    --------
     >>> A = np.full((1, 1, 3), 0.5)
     >>> solve_adjoint(recursion_band(A, np.array([0])), np.array([[0.0, 0.0, 1.0]]))
     array([[0.25, 0.5 , 1.  ]])
@@ -93,8 +72,6 @@ def solve_adjoint(band: np.ndarray, c: np.ndarray) -> np.ndarray:
 def first_order_scan(factor: float, b: np.ndarray, starts: np.ndarray) -> np.ndarray:
     """``w[k] = factor * w[k-1] + b[k]`` along the last axis, ``w = b`` at the first row of each run.
 
-    Examples
-    --------
     >>> first_order_scan(0.5, np.array([1.0, 0.0, 0.0]), np.array([0]))
     array([1.  , 0.5 , 0.25])
     """
@@ -111,15 +88,10 @@ def first_order_scan(factor: float, b: np.ndarray, starts: np.ndarray) -> np.nda
 def block_steps(factor: np.ndarray, H: np.ndarray) -> np.ndarray:
     """``s[k] = step[k] [s[k-1], b[k]]`` solves ``L s = H b`` with the lower band L of a block tridiagonal matrix.
 
-    Parameters
-    ----------
-    factor : ndarray (width, n_samples * n)
-        Lower band as LAPACK keeps it; row and column of an entry lie in the same sample or in neighbours.
-    H : ndarray (n_samples, n, m)
-
-    Returns
-    -------
-    ndarray (n_samples, n, n + m)
+    ``factor`` (width, n_samples * n): lower band as LAPACK keeps it; row and column of an entry lie in the same sample
+        or in neighbours.
+    ``H`` (n_samples, n, m).
+    Returns (n_samples, n, n + m).
     """
     n_samples, n, _ = H.shape
     band = factor.T.reshape(n_samples, n, -1)
@@ -138,17 +110,9 @@ def solve_blocks(step: np.ndarray, b: np.ndarray) -> np.ndarray:
 
     LAPACK walks through the band once for every column; here every sample is one small product for all of them.
 
-    Parameters
-    ----------
-    step : ndarray (n_samples, n, n + m)
-    b : ndarray (n_samples, m, n_columns)
+    ``step`` (n_samples, n, n + m), ``b`` (n_samples, m, n_columns).
+    Returns (n_samples, n, n_columns).
 
-    Returns
-    -------
-    ndarray (n_samples, n, n_columns)
-
-    Examples
-    --------
     >>> factor = np.array([[2.0, 4.0], [1.0, 0.0]])  # of [[2, 0], [1, 4]]
     >>> solve_blocks(block_steps(factor, np.ones((2, 1, 1))), np.array([[[2.0]], [[5.0]]])).ravel()
     array([1., 1.])
@@ -161,8 +125,6 @@ def solve_blocks(step: np.ndarray, b: np.ndarray) -> np.ndarray:
 def solved_squares(step: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Sums of squares of what :func:`solve_blocks` gives, column by column, (n_columns,): none of it is kept.
 
-    Examples
-    --------
     >>> factor = np.array([[2.0, 4.0], [1.0, 0.0]])
     >>> float(solved_squares(block_steps(factor, np.ones((2, 1, 1))), np.array([[[2.0]], [[5.0]]]))[0])
     2.0
@@ -189,16 +151,10 @@ def _walk(step: np.ndarray, b: np.ndarray, out: np.ndarray, both: np.ndarray) ->
 class BlockTridiagonal:
     """Cholesky factor of a symmetric positive definite block tridiagonal matrix over time.
 
-    Parameters
-    ----------
-    diagonal : ndarray (n_samples, n, n)
-    lower : ndarray (n_samples, n, n)
-        Block that couples row k + 1 to row k (``lower[k] = M[k+1, k]``); zero at the end of a run.
-
-    Raises
-    ------
-    numpy.linalg.LinAlgError
-        The matrix is not positive definite.
+    ``diagonal`` (n_samples, n, n).
+    ``lower`` (n_samples, n, n): block that couples row k + 1 to row k (``lower[k] = M[k+1, k]``); zero at the end of a
+        run.
+    Raises numpy.linalg.LinAlgError where the matrix is not positive definite.
     """
 
     def __init__(self, diagonal: np.ndarray, lower: np.ndarray):

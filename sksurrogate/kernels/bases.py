@@ -29,12 +29,8 @@ def cardinal_coefficients(degree: int, derivative: int = 0) -> np.ndarray:
     With s in [0, 1) the place within the interval, the r-th of the ``degree + 1`` splines that live there is
     ``sum_k C[k, r] s**k``. The recursion (de Boor 1978, chapter IX) is done in whole fractions, so that C is exact to rounding.
 
-    Returns
-    -------
-    ndarray (degree + 1, degree + 1)
+    Returns (degree + 1, degree + 1).
 
-    Examples
-    --------
     >>> cardinal_coefficients(1)  # 1 - s and s
     array([[ 1.,  0.],
            [-1.,  1.]])
@@ -63,20 +59,10 @@ def spline_weights(
 ) -> np.ndarray:
     """Local weights on any knots by the recursion of Cox and de Boor.
 
-    Parameters
-    ----------
-    x : ndarray (n_samples,)
-        May lie outside its interval: the polynomial of the interval is continued.
-    interval : ndarray of int (n_samples,)
-        Index j with ``knots[j] < knots[j + 1]``: the interval whose polynomials are meant.
-    knots : ndarray
-        Whole knot sequence, in rising order.
-    degree, derivative : int
-
-    Returns
-    -------
-    ndarray (n_samples, degree + 1)
-        Column r belongs to spline ``interval - degree + r``.
+    ``x`` (n_samples,): may lie outside its interval: the polynomial of the interval is continued.
+    ``interval`` int (n_samples,): index j with ``knots[j] < knots[j + 1]``: the interval whose polynomials are meant.
+    ``knots``: whole knot sequence, in rising order.
+    Returns (n_samples, degree + 1): column r belongs to spline ``interval - degree + r``.
     """
     weights = np.zeros((degree + 1, len(x)))
     if derivative > degree:
@@ -99,23 +85,15 @@ def spline_weights(
 
 @dataclass(frozen=True, eq=False)
 class Spline:
-    """The splines of one input.
+    """The splines of one input."""
 
-    Attributes
-    ----------
-    knots : ndarray (n_breaks + 2 * degree,)
-        Whole knot sequence; the splines sum to one between ``low`` and ``high``.
-    degree : int
-    extrapolation : {"constant", "linear", "continue", "periodic", "zero", "error"}
-        What holds outside; "error" is up to the caller and counts as "constant" here.
-    uniform : bool
-        Whether the knots are equidistant (the fast path).
-    """
-
+    #: (n_breaks + 2 * degree,): whole knot sequence; the splines sum to one between ``low`` and ``high``
     knots: np.ndarray
     degree: int
+    #: {"constant", "linear", "continue", "periodic", "zero", "error"}: what holds outside; "error" is up to the caller
+    #: and counts as "constant" here
     extrapolation: str = "constant"
-    uniform: bool = False
+    uniform: bool = False  #: Whether the knots are equidistant (the fast path)
 
     @property
     def low(self) -> float:
@@ -184,19 +162,9 @@ def spline_on(breaks: np.ndarray, degree: int, extrapolation: str = "constant") 
 
     Beyond the ends the knots go on at the distance of the last two (periodic: as they do at the other end).
 
-    Parameters
-    ----------
-    breaks : ndarray (n_breaks,)
-        Strictly rising, at least two.
-    degree, extrapolation : int, str
+    ``breaks`` (n_breaks,): strictly rising, at least two.
+    Returns Spline: with ``n_breaks - 1 + degree`` splines, or ``n_breaks - 1`` periodic ones.
 
-    Returns
-    -------
-    Spline
-        With ``n_breaks - 1 + degree`` splines, or ``n_breaks - 1`` periodic ones.
-
-    Examples
-    --------
     >>> spline_on(np.array([0.0, 1.0, 2.0]), degree=3).n_splines
     5
     """
@@ -218,19 +186,10 @@ def spline_at_data(x: np.ndarray, degree: int, extrapolation: str = "constant") 
     Order 0 has its knots half-way between the data, order 1 at the data. Higher orders have them alternately so, without
     the ones next to the ends ("not a knot"): the splines still sum to one up to the ends.
 
-    Parameters
-    ----------
-    x : ndarray (n_samples,)
-    degree : int
-        Lowered where there are fewer than ``degree + 1`` distinct points.
+    ``x`` (n_samples,).
+    ``degree``: lowered where there are fewer than ``degree + 1`` distinct points.
+    Returns Spline: with as many splines as distinct points.
 
-    Returns
-    -------
-    Spline
-        With as many splines as distinct points.
-
-    Examples
-    --------
     >>> spline_at_data(np.array([0.0, 1.0, 2.0]), degree=0).knots
     array([-0.5,  0.5,  1.5,  2.5])
     """
@@ -253,22 +212,12 @@ def spline_csr(
 ) -> sp.csr_array:
     """Spline features in compressed rows, written without any intermediate matrix.
 
-    Parameters
-    ----------
-    X : ndarray (n_samples, n_inputs)
-    splines : sequence of Spline
-        One for each input.
-    product : bool, default=False
-        False: the splines of the inputs side by side. True: all their products (last input fastest, as ``numpy.kron``).
-    derivatives : sequence of int, optional
-        Order of the derivative for each input.
+    ``X`` (n_samples, n_inputs).
+    ``splines``: one for each input.
+    ``product``: False: the splines of the inputs side by side. True: all their products (last input fastest, as
+        ``numpy.kron``).
+    ``derivatives``: order of the derivative for each input.
 
-    Returns
-    -------
-    scipy.sparse.csr_array (n_samples, n_features)
-
-    Examples
-    --------
     >>> saw = spline_on(np.array([0.0, 1.0, 2.0]), degree=1)
     >>> spline_csr(np.array([[0.25], [2.0]]), [saw]).toarray()
     array([[0.75, 0.25, 0.  ],
@@ -352,8 +301,6 @@ def _fill(
 def steps(x: np.ndarray, thresholds: np.ndarray) -> np.ndarray:
     """Unit steps H(x - threshold), 1 from the threshold on (Remark 1): (n_samples, n_thresholds).
 
-    Examples
-    --------
     >>> steps(np.array([0.0, 1.0]), np.array([0.5, 1.0]))
     array([[0., 0.],
            [1., 1.]])
@@ -364,9 +311,7 @@ def steps(x: np.ndarray, thresholds: np.ndarray) -> np.ndarray:
 def fourier(x: np.ndarray, wavelengths: np.ndarray, constant: bool = True, derivative: int = 0) -> np.ndarray:
     """1, sin(2 pi x / w_1), cos(2 pi x / w_1), sin(2 pi x / w_2), ... (section 2.1, iii) or their derivatives.
 
-    Returns
-    -------
-    ndarray (n_samples, constant + 2 * n_wavelengths)
+    Returns (n_samples, constant + 2 * n_wavelengths).
     """
     rate = 2 * np.pi / wavelengths
     # d/dx turns the phase by a quarter of the wave and multiplies by the rate
@@ -395,8 +340,6 @@ def radial(X: np.ndarray, centers: np.ndarray, width: float) -> np.ndarray:
 def tensor(blocks: Sequence[np.ndarray]) -> np.ndarray:
     """All products of one column of each block, row by row (the last block fastest, as ``numpy.kron``).
 
-    Examples
-    --------
     >>> tensor([np.array([[1.0, 2.0]]), np.array([[3.0, 5.0]])])
     array([[ 3.,  5.,  6., 10.]])
     """

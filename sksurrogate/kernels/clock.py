@@ -21,8 +21,6 @@ class TimeIsUp(KeyboardInterrupt):
 def time_until(moment: float) -> Iterator[None]:
     """:func:`check_time` raises within, once, after this moment.
 
-    Examples
-    --------
     >>> with time_until(time.perf_counter() - 1.0):
     ...     try:
     ...         check_time()
@@ -51,10 +49,7 @@ def time_left() -> float:
 def check_time() -> None:
     """Stop where the moment has passed.
 
-    Raises
-    ------
-    TimeIsUp
-        Once: who catches it may end in order.
+    Raises TimeIsUp: once: who catches it may end in order.
     """
     if _UNTIL.get()[0] is not math.inf and time_left() <= 0.0:
         _UNTIL.set((math.inf, os.getpid()))

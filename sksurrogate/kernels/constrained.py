@@ -24,28 +24,13 @@ def constrained_least_squares(
     then solved once more as equalities, so that the solution is as exact as an unconstrained one; of several solutions
     the shortest.
 
-    Parameters
-    ----------
-    A : ndarray (n_rows, n_params)
-    b : ndarray (n_rows,)
-    C : ndarray (n_constraints, n_params)
-    lower, upper : ndarray (n_constraints,)
-        May be infinite.
+    ``A`` (n_rows, n_params), ``b`` (n_rows,), ``C`` (n_constraints, n_params).
+    ``lower, upper`` (n_constraints,): may be infinite.
+    Returns ``theta`` (n_params,).
+    Returns ``active`` int (n_constraints,): -1 at its lower bound, 1 at its upper bound, 2 an equality, 0 free.
+    Raises Infeasible if the constraints contradict each other.
 
-    Returns
-    -------
-    theta : ndarray (n_params,)
-    active : ndarray of int (n_constraints,)
-        -1 at its lower bound, 1 at its upper bound, 2 an equality, 0 free.
-
-    Raises
-    ------
-    Infeasible
-        If the constraints contradict each other.
-
-    References
-    ----------
-    Lawson and Hanson, *Solving Least Squares Problems*, chapter 23.
+    See Lawson and Hanson, *Solving Least Squares Problems*, chapter 23.
     """
     norms = np.linalg.norm(C, axis=1)
     norms = np.where(norms > 0, norms, 1.0)

@@ -31,27 +31,13 @@ from sksurrogate.kernels.banded import (
 
 @dataclass(frozen=True, eq=False)
 class Noise:
-    """Parameters of the noise.
+    """Parameters of the noise."""
 
-    Attributes
-    ----------
-    sigma : ndarray (n_outputs,)
-        White sensor noise.
-    force : ndarray (n_balances,)
-        Standard deviation of the force in every balance, units of dx/dt.
-    tau : float
-        Its correlation time in samples.
-    coloured : ndarray (n_outputs,)
-        Standard deviation of the coloured sensor noise.
-    tau_sensor : float
-        Its correlation time in samples.
-    """
-
-    sigma: np.ndarray
-    force: np.ndarray
-    tau: float
-    coloured: np.ndarray
-    tau_sensor: float
+    sigma: np.ndarray  #: (n_outputs,): white sensor noise
+    force: np.ndarray  #: (n_balances,): standard deviation of the force in every balance, units of dx/dt
+    tau: float  #: Its correlation time in samples
+    coloured: np.ndarray  #: (n_outputs,): standard deviation of the coloured sensor noise
+    tau_sensor: float  #: Its correlation time in samples
 
     def pack(self) -> np.ndarray:
         """As one vector of logarithms."""
@@ -89,21 +75,14 @@ def _together(blocks: Iterable[np.ndarray], most: int) -> Iterator[list[np.ndarr
 class Disturbance:
     """The noise model along one free run.
 
-    Parameters
-    ----------
-    A : ndarray (n_states, n_states, n_samples)
-        State Jacobians of the step map.
-    B : ndarray (n_states, n_balances, n_samples)
-        Effect of a unit force over one sample.
-    C : ndarray (n_outputs, n_states, n_samples)
-        Output Jacobians.
-    starts : ndarray of int (n_runs,)
-    start_sd : ndarray (n_states,)
-        Standard deviation of the initial dx (wide).
-    slack : ndarray (n_states,)
-        Tiny process noise that keeps the precision finite; far below the sensor noise.
-    known : ndarray of bool (n_outputs, n_samples), optional
-        Which values were measured: the others have no part in any likelihood, whatever a residual holds there.
+    ``A`` (n_states, n_states, n_samples): state Jacobians of the step map.
+    ``B`` (n_states, n_balances, n_samples): effect of a unit force over one sample.
+    ``C`` (n_outputs, n_states, n_samples): output Jacobians.
+    ``starts`` int (n_runs,).
+    ``start_sd`` (n_states,): standard deviation of the initial dx (wide).
+    ``slack`` (n_states,): tiny process noise that keeps the precision finite; far below the sensor noise.
+    ``known`` bool (n_outputs, n_samples): which values were measured: the others have no part in any likelihood,
+        whatever a residual holds there.
     """
 
     def __init__(

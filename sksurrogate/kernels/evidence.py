@@ -17,30 +17,14 @@ SINGULAR = 1e-14
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """The quadratic approximation about a minimum of ``|r|^2 + sum_g penalty_g |w_g|^2``.
+    """The quadratic approximation about a minimum of ``|r|^2 + sum_g penalty_g |w_g|^2``."""
 
-    Attributes
-    ----------
-    penalty : ndarray (n_groups,)
-        Where the evidence moves it; in units of the squares.
-    noise : float
-        Variance of a residual.
-    effective : ndarray (n_groups,)
-        Parameters of each group that the data determine, between 0 and its size.
-    covariance : ndarray (n_theta, n_theta)
-        Of the parameters.
-    log_evidence : float
-        Up to a constant that depends on the sizes of the groups alone.
-    half_nat : float
-        What half a nat is in squares: the noise, times the rows over which residuals stay alike.
-    """
-
-    penalty: np.ndarray
-    noise: float
-    effective: np.ndarray
-    covariance: np.ndarray
-    log_evidence: float
-    half_nat: float
+    penalty: np.ndarray  #: (n_groups,): where the evidence moves it; in units of the squares
+    noise: float  #: Variance of a residual
+    effective: np.ndarray  #: (n_groups,): parameters of each group that the data determine, between 0 and its size
+    covariance: np.ndarray  #: (n_theta, n_theta): of the parameters
+    log_evidence: float  #: Up to a constant that depends on the sizes of the groups alone
+    half_nat: float  #: What half a nat is in squares: the noise, times the rows over which residuals stay alike
 
 
 def weigh(
@@ -58,31 +42,16 @@ def weigh(
     is ``squares / (n_rows - effective - free)``. Residuals that stay alike for ``correlation`` rows count as
     ``n_rows / correlation`` rows.
 
-    Parameters
-    ----------
-    gram : ndarray (n_theta, n_theta)
-        J'J at the minimum, without the penalty.
-    theta : ndarray (n_theta,)
-    groups : ndarray of int (n_theta,)
-        Group of every parameter; -1 where it is not penalised.
-    penalty : ndarray (n_groups,)
-    squares : float
-        r'r without the penalty.
-    n_rows : float
-        Residuals.
-    correlation : float
+    ``gram`` (n_theta, n_theta): J'J at the minimum, without the penalty.
+    ``theta`` (n_theta,).
+    ``groups`` int (n_theta,): group of every parameter; -1 where it is not penalised.
+    ``penalty`` (n_groups,).
+    ``squares``: r'r without the penalty.
+    ``n_rows``: residuals.
 
-    Returns
-    -------
-    Evidence
-
-    References
-    ----------
-    MacKay, *Bayesian interpolation* and *A practical Bayesian framework for backpropagation networks*, Neural
+    See MacKay, *Bayesian interpolation* and *A practical Bayesian framework for backpropagation networks*, Neural
     Computation 4 (1992).
 
-    Examples
-    --------
     >>> import numpy as np
     >>> found = weigh(np.diag([3.0]), np.array([2.0]), np.array([0]), np.array([1.0]), 4.0, 10.0)
     >>> found.effective.round(2), round(found.noise, 4), found.penalty.round(4)
@@ -130,17 +99,8 @@ def by_run(errors: np.ndarray, lengths: np.ndarray) -> np.ndarray:
 def correlation_length(errors: np.ndarray) -> float:
     """Rows over which residuals stay alike: ``1 + 2 sum rho_k`` up to the first lag of almost none, at least 1.
 
-    Parameters
-    ----------
-    errors : ndarray (n_runs, n_steps, n_outputs)
-        0 where nothing was measured.
+    ``errors`` (n_runs, n_steps, n_outputs): 0 where nothing was measured.
 
-    Returns
-    -------
-    float
-
-    Examples
-    --------
     >>> import numpy as np
     >>> white = np.random.default_rng(0).normal(size=(4, 500, 1))
     >>> correlation_length(white) < 1.2, correlation_length(np.repeat(white, 10, axis=1)) > 8
@@ -162,24 +122,13 @@ def left_out(
 ) -> np.ndarray:
     """Mean squared error of every part by a fit without it: one Gauss-Newton step from the fit to all.
 
-    Parameters
-    ----------
-    J : ndarray (n_rows, n_theta)
-        Slopes of the residuals.
-    e : ndarray (n_rows,)
-        Residuals.
-    parts : sequence of ndarray of int
-        Rows that are left out together.
-    pull : ndarray (n_theta,)
-        Half the slope of the penalty term.
-    penalty : ndarray (n_theta,)
+    ``J`` (n_rows, n_theta): slopes of the residuals.
+    ``e`` (n_rows,): residuals.
+    ``parts``: rows that are left out together.
+    ``pull`` (n_theta,): half the slope of the penalty term.
+    ``penalty`` (n_theta,).
+    Returns (n_parts,).
 
-    Returns
-    -------
-    ndarray (n_parts,)
-
-    Examples
-    --------
     >>> import numpy as np
     >>> rng = np.random.default_rng(0)
     >>> J, y = rng.normal(size=(15, 2)), rng.normal(size=15)

@@ -30,18 +30,6 @@ _QR_ROWS = 1024
 class Moments:
     """Weighted mean and scatter of rows, gathered block by block (Chan, Golub and LeVeque 1983).
 
-    Attributes
-    ----------
-    n_rows : int
-        Rows of positive weight.
-    weight : float
-        Sum of the weights.
-    mean : ndarray (n_columns,)
-    scatter : ndarray (n_columns, n_columns)
-        Sum of ``w (z - mean)(z - mean)^T``.
-
-    Examples
-    --------
     >>> import numpy as np
     >>> Z = np.arange(6.0).reshape(3, 2)
     >>> m = Moments.zeros(2).add(Z[:1]).add(Z[1:])
@@ -49,10 +37,10 @@ class Moments:
     (array([2., 3.]), array([[8., 8.], [8., 8.]]))
     """
 
-    n_rows: int
-    weight: float
-    mean: np.ndarray
-    scatter: np.ndarray
+    n_rows: int  #: Rows of positive weight
+    weight: float  #: Sum of the weights
+    mean: np.ndarray  #: (n_columns,)
+    scatter: np.ndarray  #: (n_columns, n_columns): sum of ``w (z - mean)(z - mean)^T``
     _buffer: Any = field(default=None, repr=False)
 
     @classmethod
@@ -63,13 +51,9 @@ class Moments:
     def add(self, block: Any, targets: np.ndarray | None = None, weights: np.ndarray | None = None) -> Moments:
         """Take in rows.
 
-        Parameters
-        ----------
-        block : ndarray or CSR matrix (n_samples, n_features)
-        targets : ndarray (n_samples, n_outputs), optional
-            Further columns, to the right of ``block``.
-        weights : ndarray (n_samples,), optional
-            Not negative; a weight of 2 counts as the row twice.
+        ``block`` ndarray or CSR matrix (n_samples, n_features).
+        ``targets`` (n_samples, n_outputs): further columns, to the right of ``block``.
+        ``weights`` (n_samples,): not negative; a weight of 2 counts as the row twice.
         """
         n, p = block.shape
         total = float(n) if weights is None else float(weights.sum())
@@ -192,16 +176,9 @@ def triangle(
 
     Its first column belongs to the constant; ``R[1:, 1:]`` is the factor of the centred data.
 
-    Parameters
-    ----------
-    blocks : iterable of (block, targets, weights or None)
-    centre : ndarray (n_features + n_outputs,), optional
-        Taken off features and targets first.
-
-    Returns
-    -------
-    ndarray (n_rows, 1 + n_features + n_outputs)
-        Square, or as many rows as the data where these are fewer.
+    ``blocks`` iterable of (block, targets, weights or None).
+    ``centre`` (n_features + n_outputs,): taken off features and targets first.
+    Returns (n_rows, 1 + n_features + n_outputs): square, or as many rows as the data where these are fewer.
     """
     R: np.ndarray | None = None
     for block, targets, weights in blocks:
@@ -230,18 +207,11 @@ def triangle(
 
 @dataclass(frozen=True, eq=False)
 class Quadratic:
-    """The loss ``theta^T H theta - 2 theta^T g + c`` of each output.
+    """The loss ``theta^T H theta - 2 theta^T g + c`` of each output."""
 
-    Attributes
-    ----------
-    H : ndarray (n_params, n_params)
-    g : ndarray (n_params, n_outputs)
-    c : ndarray (n_outputs,)
-    """
-
-    H: np.ndarray
-    g: np.ndarray
-    c: np.ndarray
+    H: np.ndarray  #: (n_params, n_params)
+    g: np.ndarray  #: (n_params, n_outputs)
+    c: np.ndarray  #: (n_outputs,)
 
     def plus(self, rows: np.ndarray, targets: np.ndarray, weight: float = 1.0) -> Quadratic:
         """Add ``weight * |rows theta - targets|^2``."""
@@ -264,13 +234,10 @@ def solve_normal(H: np.ndarray, g: np.ndarray) -> tuple[np.ndarray, float, bool]
     allows it; else eigenvectors, those of vanishing eigenvalue left out, and the null space projected out in the units
     given.
 
-    Returns
-    -------
-    theta : ndarray (n_params, n_outputs)
-    condition : float
-        Of the scaled features (square root of that of H); infinite where a null space was left out.
-    doubtful : bool
-        Whether eigenvalues lie between "certain" and "rounding": H has lost digits that a QR route would keep.
+    Returns ``theta`` (n_params, n_outputs).
+    Returns ``condition``: of the scaled features (square root of that of H); infinite where a null space was left out.
+    Returns ``doubtful``: whether eigenvalues lie between "certain" and "rounding": H has lost digits that a QR route
+        would keep.
     """
     d = np.sqrt(np.maximum(np.diag(H), 0.0))
     keep = d > 0
@@ -311,21 +278,12 @@ def solve_rows(
 ) -> tuple[np.ndarray, float]:
     """Minimum-norm least squares ``min |A theta - B|`` by singular values of the column-scaled A.
 
-    Parameters
-    ----------
-    A : ndarray (n_rows, n_params)
-        The features or their triangular factor.
-    B : ndarray (n_rows, n_outputs)
-    n_rows : int, optional
-        Rows that a triangular factor stands for: sets what counts as rounding.
-    rounding : ndarray (n_params,), optional
-        Norm of the error that each column of A carries already (large offsets that were taken off). Directions that are
-        no longer than that are left out.
-
-    Returns
-    -------
-    theta : ndarray (n_params, n_outputs)
-    condition : float
+    ``A`` (n_rows, n_params): the features or their triangular factor.
+    ``B`` (n_rows, n_outputs).
+    ``n_rows``: rows that a triangular factor stands for: sets what counts as rounding.
+    ``rounding`` (n_params,): norm of the error that each column of A carries already (large offsets that were taken
+        off). Directions that are no longer than that are left out.
+    Returns ``theta`` (n_params, n_outputs), ``condition``.
     """
     d = np.linalg.norm(A, axis=0)
     keep = d > 0
@@ -358,24 +316,13 @@ def gcv_path(
     Both forms are made diagonal at once: in coordinates where ``H_data = 1 - mu`` and ``H_penalty = mu``, every alpha
     costs one division a coordinate. ``GCV = N |Y - Y_hat|^2 / (N - df)^2``, summed over outputs.
 
-    Parameters
-    ----------
-    data, penalty : Quadratic
-    alphas : ndarray (n_alphas,)
-    weight : float
-        N, the sum of the weights.
-    spare : float, default=0
-        Degrees of freedom used beside those of the parameters.
+    ``alphas`` (n_alphas,).
+    ``weight``: N, the sum of the weights.
+    ``spare``: degrees of freedom used beside those of the parameters.
+    Returns ``scores`` (n_alphas,): infinite where no degree of freedom is left.
+    Returns ``dof`` (n_alphas,).
 
-    Returns
-    -------
-    scores : ndarray (n_alphas,)
-        Infinite where no degree of freedom is left.
-    dof : ndarray (n_alphas,)
-
-    References
-    ----------
-    Golub, Heath and Wahba, Technometrics 21 (1979).
+    See Golub, Heath and Wahba, Technometrics 21 (1979).
     """
     scale = max(float(np.trace(data.H)), _EPS) / max(float(np.trace(penalty.H)), _EPS)
     total = data.H + scale * penalty.H

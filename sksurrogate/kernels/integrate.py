@@ -32,23 +32,14 @@ def rk4(
 ) -> np.ndarray:
     """Fourth-order Runge-Kutta over one sample in ``n_sub`` steps.
 
-    Parameters
-    ----------
-    derivative : callable (t, x, u) -> dx/dt
-    t : ndarray
-        Time of every sample.
-    x : ndarray (n_states, *s)
-    mean, half : ndarray (n_sub, n_inputs, *s)
-        Inputs of every substep (:class:`~sksurrogate.kernels.signals.Signal`).
-    h : float or ndarray (*s)
-        Width of a substep.
-    clip : callable, optional
-        Limits on the states at a time, in force at every stage so that other balances see the limited state; a third argument
-        is True at the end of a substep, where what was cut off may go elsewhere.
-
-    Returns
-    -------
-    ndarray (n_states, *s)
+    ``derivative`` (t, x, u) -> dx/dt.
+    ``t``: time of every sample.
+    ``x`` (n_states, *s).
+    ``mean, half`` (n_sub, n_inputs, *s): inputs of every substep (:class:`~sksurrogate.kernels.signals.Signal`).
+    ``h`` float or (*s): width of a substep.
+    ``clip``: limits on the states at a time, in force at every stage so that other balances see the limited state; a
+        third argument is True at the end of a substep, where what was cut off may go elsewhere.
+    Returns (n_states, *s).
     """
     for s in range(len(mean)):
         u = mean[s]
@@ -92,19 +83,11 @@ def march(
 ) -> np.ndarray:
     """Free run by a loop over time, all runs at once.
 
-    Parameters
-    ----------
-    x0 : ndarray (n_states, n_runs)
-    t0 : ndarray (n_runs,)
-        Time of the first row of every run.
-    mean, half : ndarray (n_sub, n_inputs, n_runs, n_samples)
-    h : float or ndarray (n_samples,)
-        Width of a substep; one for each sample where sampling is uneven.
-
-    Returns
-    -------
-    ndarray (n_states, n_runs, n_samples)
-        The first row is ``x0``.
+    ``x0`` (n_states, n_runs).
+    ``t0`` (n_runs,): time of the first row of every run.
+    ``mean, half`` (n_sub, n_inputs, n_runs, n_samples).
+    ``h`` float or (n_samples,): width of a substep; one for each sample where sampling is uneven.
+    Returns (n_states, n_runs, n_samples): the first row is ``x0``.
     """
     n_sub, n_samples = len(mean), mean.shape[-1]
     out = np.empty((*x0.shape, n_samples))
@@ -133,17 +116,9 @@ def moved_one_by_one(x: np.ndarray, steps: np.ndarray, n_columns: int = 0) -> np
 def state_jacobian(step: Stepper, x: np.ndarray, scale: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The next states and their derivative with respect to the states, by forward differences of the whole step map.
 
-    Parameters
-    ----------
-    step : Stepper
-    x : ndarray (n_states, n_samples)
-    scale : ndarray (n_states,)
-        Size of each state.
-
-    Returns
-    -------
-    following : ndarray (n_states, n_samples)
-    A : ndarray (n_states, n_states, n_samples)
+    ``x`` (n_states, n_samples).
+    ``scale`` (n_states,): size of each state.
+    Returns ``following`` (n_states, n_samples), ``A`` (n_states, n_states, n_samples).
     """
     steps = DIFFERENCE * scale
     after = step(moved_one_by_one(x, steps))
@@ -161,16 +136,10 @@ def _defects(after: np.ndarray, x: np.ndarray, starts: np.ndarray) -> np.ndarray
 def closing_weight(scale: np.ndarray, spread: np.ndarray, sd: np.ndarray, measured: Sequence[int] | None) -> np.ndarray:
     """Size (n_states,) to which every state of a free run is closed: the noise of the measured, that share of the others.
 
-    Parameters
-    ----------
-    scale : ndarray (n_states,)
-        Size of every state.
-    spread : ndarray (n_outputs,)
-        Deviation of every output, > 0.
-    sd : ndarray (n_outputs,)
-        Noise of the sensors.
-    measured : sequence of int or None
-        Position of the state that each output is; None where outputs are functions of states.
+    ``scale`` (n_states,): size of every state.
+    ``spread`` (n_outputs,): deviation of every output, > 0.
+    ``sd`` (n_outputs,): noise of the sensors.
+    ``measured``: position of the state that each output is; None where outputs are functions of states.
     """
     weight = scale * min(float(np.min(sd / spread)), 1.0)
     for j, i in enumerate(measured or ()):
@@ -193,25 +162,13 @@ def close(
 
     Chord steps with the last Jacobian; a fresh one when a step shrinks the correction by less than 0.4.
 
-    Parameters
-    ----------
-    step : Stepper
-        The map with one column.
-    x : ndarray (n_states, n_samples)
-        Start; its first rows of the runs are the initial states.
-    starts : ndarray of int (n_runs,)
-    scale : ndarray (n_states,)
-        Size of each state; corrections are measured in it.
-    tolerance : float
-        Largest correction, in units of ``scale``, at which the run counts as closed.
-    band : ndarray, optional
-        Band of the recursion from a linearisation near x.
-
-    Returns
-    -------
-    x : ndarray (n_states, n_samples)
-    closed : bool
-    band : ndarray
+    ``step``: the map with one column.
+    ``x`` (n_states, n_samples): start; its first rows of the runs are the initial states.
+    ``starts`` int (n_runs,).
+    ``scale`` (n_states,): size of each state; corrections are measured in it.
+    ``tolerance``: largest correction, in units of ``scale``, at which the run counts as closed.
+    ``band``: band of the recursion from a linearisation near x.
+    Returns ``x`` (n_states, n_samples), ``closed``, ``band``.
     """
     fresh, last = 0, np.inf
     weight = scale[:, None]

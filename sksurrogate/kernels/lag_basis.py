@@ -24,23 +24,13 @@ DIVERGED_SPREADS = 1e4
 
 @dataclass(frozen=True)
 class LagBasis:
-    """``y[t] = basis(y[t-1], ..., u[t], ...) @ weights + bias``; past outputs lag by lag, then inputs.
+    """``y[t] = basis(y[t-1], ..., u[t], ...) @ weights + bias``; past outputs lag by lag, then inputs."""
 
-    Attributes
-    ----------
-    basis : callable (n_rows, n_features) -> (n_rows, n_basis)
-    weights : ndarray (n_basis, n_outputs)
-    bias : ndarray (n_outputs,)
-    output_lags : tuple of int
-    input_terms : tuple of (int, int)
-        Column and lag of every input feature.
-    """
-
-    basis: Callable[[np.ndarray], np.ndarray]
-    weights: np.ndarray
-    bias: np.ndarray
+    basis: Callable[[np.ndarray], np.ndarray]  #: (n_rows, n_features) -> (n_rows, n_basis)
+    weights: np.ndarray  #: (n_basis, n_outputs)
+    bias: np.ndarray  #: (n_outputs,)
     output_lags: tuple[int, ...]
-    input_terms: tuple[tuple[int, int], ...]
+    input_terms: tuple[tuple[int, int], ...]  #: tuple of (int, int): column and lag of every input feature
 
     @cached_property
     def theta(self) -> np.ndarray:

@@ -18,20 +18,10 @@ def lag_moments(
     ``G[i+1, j+1] = G[i, j] + z(p-1-i) z(p-1-j)^T - z(n-1-i) z(n-1-j)^T`` within a run (p = max_lag): only the first row
     of blocks is summed over the data. Rows whose past would reach into another run are not counted.
 
-    Parameters
-    ----------
-    runs : sequence of ndarray (n_steps, n_channels)
-        Runs with no more than ``max_lag`` rows contribute nothing.
-    max_lag : int
-    targets : sequence of ndarray (n_steps, n_outputs), optional
-        Further columns that are not lagged.
-    chunk : int, default=8192
-        Rows at a time.
-
-    Returns
-    -------
-    Moments
-        Column ``i * n_channels + c`` is channel c at lag i; the targets stand to the right.
+    ``runs`` sequence of (n_steps, n_channels): runs with no more than ``max_lag`` rows contribute nothing.
+    ``targets`` sequence of (n_steps, n_outputs): further columns that are not lagged.
+    ``chunk``: rows at a time.
+    Returns Moments: column ``i * n_channels + c`` is channel c at lag i; the targets stand to the right.
     """
     m, p = runs[0].shape[1], max_lag
     q = 0 if targets is None else targets[0].shape[1]

@@ -34,35 +34,19 @@ HOPE, LOOK_BACK, HARDLY_CHANGED = 2.0, 6, 0.26
 
 @dataclass
 class LeastSquaresFit:
-    """Where a search stands; it can be continued.
+    """Where a search stands; it can be continued."""
 
-    Attributes
-    ----------
-    theta : ndarray (n_theta,)
-    cost : float
-        Sum of squares r'r.
-    gradient, gram : ndarray
-        J'r (n_theta,) and J'J (n_theta, n_theta) at ``theta``.
-    n_iter : int
-        Evaluations since the start, steps taken back included.
-    history : list of float
-        Cost at the start and after every accepted step.
-    done : bool
-        Nothing more to gain: the floor is reached, the descent has settled, or no step helps.
-    message : str
-        Why the search ended, in words.
-    """
-
-    theta: np.ndarray
-    cost: float
+    theta: np.ndarray  #: (n_theta,)
+    cost: float  #: Sum of squares r'r
+    #: gradient, gram: J'r (n_theta,) and J'J (n_theta, n_theta) at ``theta``
     gradient: np.ndarray
     gram: np.ndarray
     damping: float = 1e-2
     scale: np.ndarray = field(default_factory=lambda: np.zeros(1))
-    n_iter: int = 1
-    history: list[float] = field(default_factory=list)
-    done: bool = False
-    message: str = "the number of iterations is used up"
+    n_iter: int = 1  #: Evaluations since the start, steps taken back included
+    history: list[float] = field(default_factory=list)  #: Cost at the start and after every accepted step
+    done: bool = False  #: Nothing more to gain: the floor is reached, the descent has settled, or no step helps
+    message: str = "the number of iterations is used up"  #: Why the search ended, in words
 
 
 def begin(evaluate: Evaluate, theta: np.ndarray) -> LeastSquaresFit:
@@ -89,33 +73,18 @@ def levenberg_marquardt(
 
     Each step solves ``(J'J + damping * diag(scale)) step = -J'r``.
 
-    Parameters
-    ----------
-    evaluate : callable
-        theta -> (r'r, J'r, J'J).
-    start : ndarray (n_theta,) or LeastSquaresFit
-        Where to begin, or the search to go on with (it is changed in place).
-    max_iter : int
-        Evaluations to spend.
-    floor : float
-        Cost at which the search ends.
-    window, least_gain : int, float
-        The search has settled when the last ``window`` accepted steps lowered the cost by less than this share.
-    watch : callable, optional
-        Called after each accepted step; True ends the search (early stopping).
-    pause : callable, optional
-        The same; True leaves the search as it is, to be continued or not.
+    ``evaluate``: theta -> (r'r, J'r, J'J).
+    ``start`` ndarray (n_theta,) or LeastSquaresFit: where to begin, or the search to go on with (it is changed in
+        place).
+    ``max_iter``: evaluations to spend.
+    ``floor``: cost at which the search ends.
+    ``window, least_gain``: the search has settled when the last ``window`` accepted steps lowered the cost by less than
+        this share.
+    ``watch``: called after each accepted step; True ends the search (early stopping).
+    ``pause``: the same; True leaves the search as it is, to be continued or not.
 
-    Returns
-    -------
-    LeastSquaresFit
+    See K. Madsen, H. B. Nielsen, O. Tingleff, *Methods for non-linear least squares problems*, 2004, section 3.2.
 
-    References
-    ----------
-    K. Madsen, H. B. Nielsen, O. Tingleff, *Methods for non-linear least squares problems*, 2004, section 3.2.
-
-    Examples
-    --------
     >>> import numpy as np
     >>> from sksurrogate.kernels.least_squares import dense, levenberg_marquardt
     >>> rosenbrock = dense(lambda t: (np.array([10 * (t[1] - t[0] ** 2), 1 - t[0]]),
@@ -197,27 +166,15 @@ def several_starts(
 
     A start is left early where twice its present rate of descent would not bring it to the best one, nor matter by itself.
 
-    Parameters
-    ----------
-    evaluate : callable
-        theta -> (r'r, J'r, J'J).
-    starts : iterable of ndarray (n_theta,)
-    first : int
-        Evaluations from each start.
-    max_iter : int
-        Further evaluations from the best one.
-    solved : float
-        A cost so small that no other start is tried, and only a fast descent goes on.
-    floor : float
-        Cost at which a search ends.
-    watch : callable, optional
-        As in :func:`levenberg_marquardt`, for the search from the best start.
-
-    Returns
-    -------
-    fit : LeastSquaresFit
-    costs : list of float
-        Cost after the first evaluations from every start tried.
+    ``evaluate``: theta -> (r'r, J'r, J'J).
+    ``starts`` iterable of (n_theta,).
+    ``first``: evaluations from each start.
+    ``max_iter``: further evaluations from the best one.
+    ``solved``: a cost so small that no other start is tried, and only a fast descent goes on.
+    ``floor``: cost at which a search ends.
+    ``watch``: as in :func:`levenberg_marquardt`, for the search from the best start.
+    Returns ``fit``.
+    Returns ``costs``: cost after the first evaluations from every start tried.
     """
     best: LeastSquaresFit | None = None
     costs, spent = [], 0
@@ -283,8 +240,6 @@ def merge_rows(
 
     A search that is bent by rounding then takes the same path for integer weights and for repeated rows.
 
-    Examples
-    --------
     >>> import numpy as np
     >>> merge_rows(np.array([[2.0], [1.0], [2.0]]), np.zeros((3, 1)), None)[2]
     array([1., 2.])

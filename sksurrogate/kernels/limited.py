@@ -12,22 +12,12 @@ def limited_recursion(
 ) -> np.ndarray:
     """Solve ``s[k+1] = limit(A[k] s[k] + b[k+1])``, ``s = limit(b)`` at the first row of each run.
 
-    Parameters
-    ----------
-    A : ndarray (n_states, n_states, n_samples)
-        ``A[:, :, k]`` leads from row k to row k + 1.
-    b : ndarray (n_states, n_columns, n_samples)
-    starts : ndarray of int (n_runs,)
-        First row of every run.
-    limit : callable (s, rows) -> ndarray
-        States (n_states, n_columns, n_rows) at some rows, brought within their limits.
+    ``A`` (n_states, n_states, n_samples): ``A[:, :, k]`` leads from row k to row k + 1.
+    ``b`` (n_states, n_columns, n_samples).
+    ``starts`` int (n_runs,): first row of every run.
+    ``limit`` (s, rows) -> ndarray: states (n_states, n_columns, n_rows) at some rows, brought within their limits.
+    Returns (n_states, n_columns, n_samples).
 
-    Returns
-    -------
-    ndarray (n_states, n_columns, n_samples)
-
-    Examples
-    --------
     >>> A, b = np.ones((1, 1, 4)), np.ones((1, 1, 4))
     >>> limited_recursion(A, b, np.array([0]), lambda s, rows: np.minimum(s, 2.5))
     array([[[1. , 2. , 2.5, 2.5]]])

@@ -8,20 +8,11 @@ import numpy as np
 def linear_least_squares(A: np.ndarray, b: np.ndarray, rcond: float | None = None) -> np.ndarray:
     """The shortest x of those with the smallest ``|A x - b|``.
 
-    Parameters
-    ----------
-    A : ndarray (m, n)
-    b : ndarray (m,) or (m, k)
-    rcond : float, optional
-        Singular values below this share of the largest count as 0; by default the machine precision times the larger of m, n.
+    ``A`` (m, n), ``b`` (m,) or (m, k).
+    ``rcond``: singular values below this share of the largest count as 0; by default the machine precision times the
+        larger of m, n.
+    Raises LinAlgError: A or b is not finite.
 
-    Raises
-    ------
-    LinAlgError
-        A or b is not finite.
-
-    Examples
-    --------
     >>> linear_least_squares(np.array([[1.0, 0.0], [0.0, 2.0], [0.0, 0.0]]), np.array([1.0, 2.0, 5.0]))
     array([1., 1.])
     >>> linear_least_squares(np.array([[np.nan]]), np.array([1.0]))

@@ -13,16 +13,10 @@ _ROUNDINGS = 8.0
 
 
 class HoldMaps(NamedTuple):
-    """One sample of ``dx/dt = A x + B u``: ``x[k+1] = F x[k] + G u[k] + H (u[k+1] - u[k])``.
+    """One sample of ``dx/dt = A x + B u``: ``x[k+1] = F x[k] + G u[k] + H (u[k+1] - u[k])``."""
 
-    Attributes
-    ----------
-    F : ndarray (n_states, n_states)
-    G, H : ndarray (n_states, n_inputs)
-        H is zero under held inputs.
-    """
-
-    F: np.ndarray
+    F: np.ndarray  #: (n_states, n_states)
+    #: G, H: (n_states, n_inputs): H is zero under held inputs
     G: np.ndarray
     H: np.ndarray
 
@@ -33,16 +27,9 @@ def hold_maps(A: np.ndarray, B: np.ndarray, dt: float, order: int) -> HoldMaps:
     The state is put beside the input (order 0), and beside the input and its rise over the sample (order 1); one matrix
     exponential of the block matrix holds all three integrals (Van Loan, IEEE Trans. Automatic Control 23 (1978) 395-404).
 
-    Parameters
-    ----------
-    A : ndarray (n_states, n_states)
-    B : ndarray (n_states, n_inputs)
-    dt : float
-    order : {0, 1}
-        Inputs held, or joined linearly.
+    ``A`` (n_states, n_states), ``B`` (n_states, n_inputs).
+    ``order`` {0, 1}: inputs held, or joined linearly.
 
-    Examples
-    --------
     >>> import numpy as np
     >>> maps = hold_maps(np.array([[-1.0]]), np.array([[1.0]]), 0.5, 0)
     >>> bool(abs(maps.F[0, 0] - np.exp(-0.5)) < 1e-15), bool(abs(maps.G[0, 0] - (1 - np.exp(-0.5))) < 1e-15)
@@ -71,19 +58,11 @@ def _hold_maps(a: bytes, b: bytes, n: int, m: int, dt: float, order: int) -> Hol
 def linear_run(A: np.ndarray, B: np.ndarray, U: np.ndarray, X0: np.ndarray, t: np.ndarray, order: int) -> np.ndarray:
     """States of runs of equal length.
 
-    Parameters
-    ----------
-    A : ndarray (n_states, n_states)
-    B : ndarray (n_states, n_inputs)
-    U : ndarray (n_runs, n_samples, n_inputs)
-    X0 : ndarray (n_runs, n_states)
-    t : ndarray (n_samples,)
-        Even or not.
-    order : {0, 1}
-
-    Returns
-    -------
-    ndarray (n_runs, n_samples, n_states)
+    ``A`` (n_states, n_states), ``B`` (n_states, n_inputs), ``U`` (n_runs, n_samples, n_inputs), ``X0`` (n_runs,
+        n_states).
+    ``t`` (n_samples,): even or not.
+    ``order`` {0, 1}.
+    Returns (n_runs, n_samples, n_states).
     """
     X = np.empty((U.shape[1], len(X0), X0.shape[1]))
     X[0] = X0

@@ -16,33 +16,19 @@ THETA_DIFFERENCE = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class Linearised:
-    """Sensitivities of a trajectory and of its outputs.
+    """Sensitivities of a trajectory and of its outputs."""
 
-    Attributes
-    ----------
-    x : ndarray (n_states, n_samples)
-        The trajectory with its defects closed to first order.
-    y : ndarray (n_outputs, n_samples)
-        Its outputs.
-    Z_theta, Z_x : ndarray (n_states, n_theta | n_states, n_samples)
-        Sensitivities to the parameters and to the initial states of the run.
-    J_theta, J_x : ndarray (n_outputs, ..., n_samples)
-        The same of the outputs, 0 where nothing was measured.
-    A : ndarray (n_states, n_states, n_samples)
-    band : ndarray
-        Band of the recursion.
-
-    What a fit keeps has no Z and no band: they are several times as large as the rest.
-    """
-
-    x: np.ndarray
-    y: np.ndarray
+    x: np.ndarray  #: (n_states, n_samples): the trajectory with its defects closed to first order
+    y: np.ndarray  #: (n_outputs, n_samples): its outputs
+    #: Z_theta, Z_x: (n_states, n_theta | n_states, n_samples): sensitivities to the parameters and to the initial
+    #: states of the run
     Z_theta: np.ndarray
     Z_x: np.ndarray
+    #: J_theta, J_x: (n_outputs, ..., n_samples): the same of the outputs, 0 where nothing was measured
     J_theta: np.ndarray
     J_x: np.ndarray
-    A: np.ndarray
-    band: np.ndarray
+    A: np.ndarray  #: (n_states, n_states, n_samples)
+    band: np.ndarray  #: Band of the recursion
 
     def kept(self) -> Linearised:
         """Without Z and band."""

@@ -11,20 +11,12 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Net:
-    """A feedforward network on ``(phi - mean) / scale``; without hidden layers a linear model.
+    """A feedforward network on ``(phi - mean) / scale``; without hidden layers a linear model."""
 
-    Attributes
-    ----------
-    weights : tuple of ndarray (n_in, n_out)
-    biases : tuple of ndarray (n_out,)
-    activations : tuple of {"identity", "tanh", "logistic", "relu"}
-        One a hidden layer; the last layer is linear.
-    mean, scale : ndarray (n_features,)
-    """
-
-    weights: tuple[np.ndarray, ...]
-    biases: tuple[np.ndarray, ...]
-    activations: tuple[str, ...]
+    weights: tuple[np.ndarray, ...]  #: tuple of (n_in, n_out)
+    biases: tuple[np.ndarray, ...]  #: tuple of (n_out,)
+    activations: tuple[str, ...]  #: One a hidden layer; the last layer is linear
+    #: mean, scale: (n_features,)
     mean: np.ndarray
     scale: np.ndarray
 
@@ -115,20 +107,11 @@ def slope(kind: str, value: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class LagNet:
-    """``y[t] = net(y[t-1], ..., u[t], ...)``: past outputs lag by lag, then inputs.
-
-    Attributes
-    ----------
-    net : Net
-    output_lags : tuple of int
-    input_terms : tuple of (int, int)
-        Column and lag of every input feature.
-    n_outputs : int
-    """
+    """``y[t] = net(y[t-1], ..., u[t], ...)``: past outputs lag by lag, then inputs."""
 
     net: Net
     output_lags: tuple[int, ...]
-    input_terms: tuple[tuple[int, int], ...]
+    input_terms: tuple[tuple[int, int], ...]  #: tuple of (int, int): column and lag of every input feature
     n_outputs: int
 
     @property

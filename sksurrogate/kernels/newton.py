@@ -21,24 +21,13 @@ def newton_runs(
     The recursion is ``r(y) = y[t] - f(y[t-1], ..., u[t], ...) = 0``; its Jacobian is unit lower triangular and banded,
     so one Newton step for all runs together is one LAPACK ``dtbtrs``.
 
-    Parameters
-    ----------
-    model : LagNet
-        Folded.
-    sums : ndarray (n_units, n_runs * n)
-        Share of inputs and bias in the first layer's sums, run by run, without the first rows.
-    y : ndarray (n_runs, n_steps, n_outputs)
-        First rows and a guess of the others; the solution on return.
-    n_first : int
-        Rows that are given.
-    max_iter : int
-    rtol : float
-        Expected remaining error, relative to the largest output.
-
-    Returns
-    -------
-    bool
-        Whether Newton settled; if not, y holds nothing of use.
+    ``model``: folded.
+    ``sums`` (n_units, n_runs * n): share of inputs and bias in the first layer's sums, run by run, without the first
+        rows.
+    ``y`` (n_runs, n_steps, n_outputs): first rows and a guess of the others; the solution on return.
+    ``n_first``: rows that are given.
+    ``rtol``: expected remaining error, relative to the largest output.
+    Returns whether Newton settled; if not, y holds nothing of use.
     """
     n_runs, n_steps, o = y.shape
     net = model.net
@@ -99,19 +88,11 @@ def _band_at(model: LagNet, U: np.ndarray, y: np.ndarray, n_first: int) -> tuple
 def sensitivities(model: LagNet, U: np.ndarray, y: np.ndarray, n_first: int) -> np.ndarray:
     """Slopes of free runs by the weights: one banded triangular solve with n_theta right-hand sides.
 
-    Parameters
-    ----------
-    model : LagNet
-        As it stands, scaling included.
-    U : ndarray (n_runs, n_steps, n_inputs)
-    y : ndarray (n_runs, n_steps, n_outputs)
-        The free runs.
-    n_first : int
-        Rows that were given.
-
-    Returns
-    -------
-    ndarray (n_runs, n_steps - n_first, n_outputs, n_theta)
+    ``model``: as it stands, scaling included.
+    ``U`` (n_runs, n_steps, n_inputs).
+    ``y`` (n_runs, n_steps, n_outputs): the free runs.
+    ``n_first``: rows that were given.
+    Returns (n_runs, n_steps - n_first, n_outputs, n_theta).
     """
     band, x, values, backs = _band_at(model, U, y, n_first)
     n_runs, n, o, _ = band.shape
@@ -125,15 +106,9 @@ def sensitivities(model: LagNet, U: np.ndarray, y: np.ndarray, n_first: int) -> 
 def adjoint_gradient(model: LagNet, U: np.ndarray, y: np.ndarray, n_first: int, weight: np.ndarray) -> np.ndarray:
     """``sum weight * dy/dtheta`` by one transposed banded solve.
 
-    Parameters
-    ----------
-    model, U, y, n_first
-        As for :func:`sensitivities`.
-    weight : ndarray (n_runs, n_steps - n_first, n_outputs)
-
-    Returns
-    -------
-    ndarray (n_theta,)
+    ``model, U, y, n_first``: as for :func:`sensitivities`.
+    ``weight`` (n_runs, n_steps - n_first, n_outputs).
+    Returns (n_theta,).
     """
     band, x, values, backs = _band_at(model, U, y, n_first)
     adjoint = solve_band(band, weight.reshape(-1, 1), "T")[0].reshape(-1, model.n_outputs)

@@ -77,35 +77,18 @@ def fit_noise(
 ) -> tuple[Noise, float, np.ndarray]:
     """Maximise the likelihood over the noise parameters, with parameters of the model moved along.
 
-    Parameters
-    ----------
-    model : Disturbance
-    r : ndarray (n_outputs, n_samples)
-    start : Noise
-    force_unit : ndarray (n_balances,)
-        RMS of dx/dt of every balance; forces stay within :data:`LEAST_FORCE` and 10 of it.
-    J : ndarray (n_outputs, n_theta, n_samples), optional
-        Sensitivities: the likelihood is taken at the best parameters to first order.
-    precision, pull : ndarray (n_theta,), optional
-        Gaussian prior on the parameters.
-    curvature : ndarray, optional
-        Inverse Hessian of an earlier fit, to start from.
-    held : ndarray of bool, optional
-        Entries of ``start.pack()`` that stay where they are.
-    caps : (force, coloured), optional
-        Largest force of every balance and coloured noise of every sensor that count as noise.
-    sigma_unit : ndarray (n_outputs,), optional
-        Sensor noise that counts as one, by which noises are bounded: that of ``start`` by default. Models that are compared
-        need the same: a wider range alone would make one likelier than another.
-    own : RunColumns, optional
-        Further columns with free weights of their own in every run.
-
-    Returns
-    -------
-    noise : Noise
-    log_likelihood : float
-    curvature : ndarray
-        Approximate inverse Hessian at the end.
+    ``r`` (n_outputs, n_samples).
+    ``force_unit`` (n_balances,): RMS of dx/dt of every balance; forces stay within :data:`LEAST_FORCE` and 10 of it.
+    ``J`` (n_outputs, n_theta, n_samples): sensitivities: the likelihood is taken at the best parameters to first order.
+    ``precision, pull`` (n_theta,): Gaussian prior on the parameters.
+    ``curvature``: inverse Hessian of an earlier fit, to start from.
+    ``held``: entries of ``start.pack()`` that stay where they are.
+    ``caps``: largest force of every balance and coloured noise of every sensor that count as noise.
+    ``sigma_unit`` (n_outputs,): sensor noise that counts as one, by which noises are bounded: that of ``start`` by
+        default. Models that are compared need the same: a wider range alone would make one likelier than another.
+    ``own``: further columns with free weights of their own in every run.
+    Returns ``noise``, ``log_likelihood``.
+    Returns ``curvature``: approximate inverse Hessian at the end.
     """
     columns = r[:, None] if J is None else np.concatenate([r[:, None], J], axis=1)
     none = np.zeros(columns.shape[1] - 1)

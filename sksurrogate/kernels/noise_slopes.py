@@ -26,19 +26,9 @@ KNOWN = 1e-13
 def noise_slopes(model: Disturbance, r: np.ndarray, noise: Noise, factor: np.ndarray) -> np.ndarray:
     """Slopes of the negative log likelihood in the logarithms of the noise parameters.
 
-    Parameters
-    ----------
-    model : Disturbance
-    r : ndarray (n_outputs, n_samples)
-        Residual.
-    noise : Noise
-    factor : ndarray
-        :meth:`Disturbance.factor` of this noise.
-
-    Returns
-    -------
-    ndarray
-        In the order of :meth:`Noise.pack`.
+    ``r`` (n_outputs, n_samples): residual.
+    ``factor``: :meth:`Disturbance.factor` of this noise.
+    Returns ndarray: in the order of :meth:`Noise.pack`.
     """
     n, b = model.n, model.b
     mean = model.mean(r, noise, factor)

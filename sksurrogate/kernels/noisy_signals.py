@@ -17,17 +17,9 @@ def held_levels(u: np.ndarray) -> np.ndarray:
     the samples do not reach. Levels that change with one period have no places of their own: where that is likelier, also
     those that differ by less than the price of a place are kept apart.
 
-    Parameters
-    ----------
-    u : ndarray (n_samples,)
+    ``u`` (n_samples,).
+    Returns (n_samples,): ``u`` itself where its differences show no noise.
 
-    Returns
-    -------
-    ndarray (n_samples,)
-        ``u`` itself where its differences show no noise.
-
-    Examples
-    --------
     >>> u = np.repeat([0.0, 1.0], 50) + 0.1 * np.random.default_rng(1).normal(size=100)
     >>> levels = held_levels(u)
     >>> len(np.unique(levels)), bool(levels[49] < 0.1 < 0.9 < levels[50])
@@ -95,16 +87,9 @@ def smooth_path(u: np.ndarray) -> np.ndarray:
 
     Generalised cross-validation through the cosine transform (Garcia 2010).
 
-    Parameters
-    ----------
-    u : ndarray (n_samples,)
+    ``u`` (n_samples,).
+    Returns (n_samples,).
 
-    Returns
-    -------
-    ndarray (n_samples,)
-
-    Examples
-    --------
     >>> t = np.linspace(0, 6, 400)
     >>> noisy = np.sin(t) + 0.3 * np.random.default_rng(0).normal(size=400)
     >>> bool(np.std(smooth_path(noisy) - np.sin(t)) < 0.06)

@@ -38,30 +38,15 @@ SETTLING_STEPS = 8
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """A fitted free run.
+    """A fitted free run."""
 
-    Attributes
-    ----------
-    theta : ndarray (n_theta,)
-    x : ndarray (n_states, n_samples)
-        The free run.
-    y : ndarray (n_outputs, n_samples)
-        Its outputs.
-    cost : float
-        Sum of squares of (y - free run) / sd, with the prior.
-    n_iterations : int
-    converged : bool
-    linearised : Linearised or None
-        At the solution; with ``near``, its slopes are those of a point so near.
-    """
-
-    theta: np.ndarray
-    x: np.ndarray
-    y: np.ndarray
-    cost: float
+    theta: np.ndarray  #: (n_theta,)
+    x: np.ndarray  #: (n_states, n_samples): the free run
+    y: np.ndarray  #: (n_outputs, n_samples): its outputs
+    cost: float  #: Sum of squares of (y - free run) / sd, with the prior
     n_iterations: int
     converged: bool
-    linearised: Linearised | None
+    linearised: Linearised | None  #: At the solution; with ``near``, its slopes are those of a point so near
 
 
 def settle_hidden(model: FreeRunModel, theta: np.ndarray, x: np.ndarray) -> np.ndarray:
@@ -143,46 +128,27 @@ def output_error(
 ) -> Fit | None:
     """Fit parameters and initial states through the free run.
 
-    Parameters
-    ----------
-    model : FreeRunModel
-    theta : ndarray (n_theta,)
-        Start.
-    x : ndarray (n_states, n_samples)
-        Start of the trajectory (from the smoother); its first rows start the initial states.
-    sd : ndarray (n_outputs,)
-        Standard deviation of the noise.
-    unit : ndarray (n_theta,)
-        Size of each parameter, for differences near 0.
-    bounds : (low, high), each ndarray (n_theta,)
-    prior : ndarray (n_theta,), optional
-        Standard deviation of a prior; inf for none.
-    centre : ndarray (n_theta,), optional
-        Mean of the prior; 0 by default.
-    open_steps : int
-        Undamped steps that close the trajectory and move the parameters at once.
-    best : float
-        Cost of the best candidate so far; one that cannot come near it is abandoned.
-    fit_start : bool
-        Whether initial states are fitted.
-    fallback : ndarray (n_states, n_samples), optional
-        A closed trajectory near the start, used where the open steps diverge (to no free run, or to one much further from
-        the data); by default one is made by a loop over time.
-    reach : float
-        A step moves a parameter by at most as many times its size.
-    settled : float
-        Open steps end where parameters and trajectory move by less than this share of their size; closed steps go on.
-    tries : int
-        Dampings of a closed step, each ten times the last, before the descent ends.
-    near : float
-        After a step that moves parameters and trajectory by less than this share of their size, its slopes serve again.
-    idle, idle_above : float
-        Where the cost is above ``idle_above``, two steps in a row that take less than the share ``idle`` of it end the descent.
-
-    Returns
-    -------
-    Fit or None
-        None where no finite free run was found.
+    ``theta`` (n_theta,): start.
+    ``x`` (n_states, n_samples): start of the trajectory (from the smoother); its first rows start the initial states.
+    ``sd`` (n_outputs,): standard deviation of the noise.
+    ``unit`` (n_theta,): size of each parameter, for differences near 0.
+    ``bounds`` (low, high), each ndarray (n_theta,).
+    ``prior`` (n_theta,): standard deviation of a prior; inf for none.
+    ``centre`` (n_theta,): mean of the prior; 0 by default.
+    ``open_steps``: undamped steps that close the trajectory and move the parameters at once.
+    ``best``: cost of the best candidate so far; one that cannot come near it is abandoned.
+    ``fit_start``: whether initial states are fitted.
+    ``fallback`` (n_states, n_samples): a closed trajectory near the start, used where the open steps diverge (to no
+        free run, or to one much further from the data); by default one is made by a loop over time.
+    ``reach``: a step moves a parameter by at most as many times its size.
+    ``settled``: open steps end where parameters and trajectory move by less than this share of their size; closed steps
+        go on.
+    ``tries``: dampings of a closed step, each ten times the last, before the descent ends.
+    ``near``: after a step that moves parameters and trajectory by less than this share of their size, its slopes serve
+        again.
+    ``idle, idle_above``: where the cost is above ``idle_above``, two steps in a row that take less than the share
+        ``idle`` of it end the descent.
+    Returns None where no finite free run was found.
     """
     with np.errstate(all="ignore"):
         fit = _OutputError(

@@ -43,16 +43,9 @@ class Stretch(NamedTuple):
 def predicted_by_neighbours(y: np.ndarray) -> np.ndarray:
     """Every reading from the two before and the two after it by a cubic; the first and last two are left as they are.
 
-    Parameters
-    ----------
-    y : ndarray (n_samples,)
+    ``y`` (n_samples,).
+    Returns (n_samples,).
 
-    Returns
-    -------
-    ndarray (n_samples,)
-
-    Examples
-    --------
     >>> predicted_by_neighbours(np.array([0.0, 1.0, 8.0, 27.0, 64.0]))
     array([ 0.,  1.,  8., 27., 64.])
     """
@@ -66,12 +59,9 @@ def predicted_by_neighbours(y: np.ndarray) -> np.ndarray:
 def _paths(n: int, place: int) -> tuple[np.ndarray, list[np.ndarray], np.ndarray]:
     """For n rows: smooth paths (an orthonormal basis), spikes at ``place`` and kinks and steps anywhere, beside these paths.
 
-    Returns
-    -------
-    smooth : ndarray (n, DEGREE + 1)
-    impulses : list of ndarray (n,)
-        Spikes of 1, 2, ... readings that begin at ``place``.
-    sudden : ndarray (n, n_sudden)
+    Returns ``smooth`` (n, DEGREE + 1).
+    Returns ``impulses`` list of (n,): spikes of 1, 2, ... readings that begin at ``place``.
+    Returns ``sudden`` (n, n_sudden).
     """
     rows = np.arange(n, dtype=float)
     smooth = np.linalg.qr(np.vander(rows / n, DEGREE + 1))[0]
@@ -104,20 +94,10 @@ def _is_spike(y: np.ndarray, place: int, sd: float, needed: float) -> tuple[int,
 def spikes(y: np.ndarray, sd: float) -> list[Stretch]:
     """Readings that are off a path which is smooth before and after them.
 
-    Parameters
-    ----------
-    y : ndarray (n_samples,)
-        Of one run.
-    sd : float
-        Its white noise.
+    ``y`` (n_samples,): of one run.
+    ``sd``: its white noise.
+    Returns list of Stretch: in order of time; none where they would be more than :data:`MOST_WRONG` of all readings.
 
-    Returns
-    -------
-    list of Stretch
-        In order of time; none where they would be more than :data:`MOST_WRONG` of all readings.
-
-    Examples
-    --------
     >>> y = np.sin(0.05 * np.arange(100))
     >>> y[40] += 1.0
     >>> [(s.start, s.stop) for s in spikes(y, sd=0.01)]
@@ -173,20 +153,10 @@ def _bridge(y: np.ndarray, first: int, taken: int) -> np.ndarray:
 def flat_stretches(y: np.ndarray, sd: float) -> list[Stretch]:
     """Stretches at one level that the sensor jumps out of, or into: it stood still while what it measures moved on.
 
-    Parameters
-    ----------
-    y : ndarray (n_samples,)
-        Of one run.
-    sd : float
-        Its white noise.
+    ``y`` (n_samples,): of one run.
+    ``sd``: its white noise.
+    Returns list of Stretch: of :data:`SHORTEST_FLAT` readings or more, in order of time.
 
-    Returns
-    -------
-    list of Stretch
-        Of :data:`SHORTEST_FLAT` readings or more, in order of time.
-
-    Examples
-    --------
     >>> y = np.sin(0.05 * np.arange(200))
     >>> y[60:110] = y[60]
     >>> [(s.start, s.stop) for s in flat_stretches(y, sd=0.01)]
@@ -211,8 +181,6 @@ def flat_stretches(y: np.ndarray, sd: float) -> list[Stretch]:
 def spans_where(holds: np.ndarray) -> list[tuple[int, int]]:
     """First rows and ends of the stretches in which something holds (n_rows,) of bool.
 
-    Examples
-    --------
     >>> spans_where(np.array([True, False, True, True]))
     [(0, 1), (2, 4)]
     """

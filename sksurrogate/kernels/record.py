@@ -13,14 +13,8 @@ import numpy as np
 def bridged(y: np.ndarray, known: np.ndarray, starts: np.ndarray) -> np.ndarray:
     """Signals with what is not known joined linearly within a run, ends held; of a run without any the mean of the others.
 
-    Parameters
-    ----------
-    y : ndarray (n_signals, n_samples)
-    known : ndarray of bool (n_signals, n_samples)
-    starts : ndarray of int (n_runs,)
+    ``y`` (n_signals, n_samples), ``known`` bool (n_signals, n_samples), ``starts`` int (n_runs,).
 
-    Examples
-    --------
     >>> y = np.array([[1.0, np.nan, 3.0, np.nan]])
     >>> bridged(y, np.isfinite(y), np.array([0]))
     array([[1., 2., 3., 3.]])
@@ -39,48 +33,29 @@ def bridged(y: np.ndarray, known: np.ndarray, starts: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class Record:
-    """Stacked runs, time last and contiguous.
+    """Stacked runs, time last and contiguous."""
 
-    Attributes
-    ----------
-    u : ndarray (n_inputs, n_samples)
-    y : ndarray (n_outputs, n_samples)
-        Finite everywhere: what was not measured is bridged, and no residual is taken of it.
-    t : ndarray (n_samples,)
-    starts : ndarray of int (n_runs,)
-        First row of every run.
-    dt : float
-    known : ndarray of bool (n_outputs, n_samples) or None
-        Which values of ``y`` were measured; None where all were.
-    offset : ndarray (n_samples,) or None
-        How long after ``t`` the readings of a row were taken; None where all were taken at ``t``.
-    steps : ndarray (n_samples,) or None
-        Time from every row to the next; None where that is ``dt`` everywhere.
-    recorded : ndarray of int (n_samples,) or None
-        Number of the recorded run of every row, where ``starts`` are those of pieces; None where runs are whole.
-    began : ndarray (n_recorded_runs,) or None
-        Times at which these began.
-    history : Record or None
-        The record before it was cut: what an actuator remembers at the start of a piece.
-    place : ndarray of int (n_samples,) or None
-        Rows of the history.
-    input_noise : ndarray (n_outputs,) or float
-        RMS that noise on the measured inputs moves the outputs by, as far as it is known: no model follows it.
-    """
-
-    u: np.ndarray
+    u: np.ndarray  #: (n_inputs, n_samples)
+    #: (n_outputs, n_samples): finite everywhere: what was not measured is bridged, and no residual is taken of it
     y: np.ndarray
-    t: np.ndarray
-    starts: np.ndarray
+    t: np.ndarray  #: (n_samples,)
+    starts: np.ndarray  #: int (n_runs,): first row of every run
     dt: float
+    #: bool (n_outputs, n_samples): which values of ``y`` were measured; None where all were
     known: np.ndarray | None = None
+    #: (n_samples,): how long after ``t`` the readings of a row were taken; None where all were taken at ``t``
     offset: np.ndarray | None = None
+    #: (n_samples,): time from every row to the next; None where that is ``dt`` everywhere
     steps: np.ndarray | None = None
+    #: (n_outputs,): RMS that noise on the measured inputs moves the outputs by, as far as it is known: no model
+    #: follows it
     input_noise: np.ndarray | float = 0.0
+    #: int (n_samples,): number of the recorded run of every row, where ``starts`` are those of pieces; None where runs
+    #: are whole
     recorded: np.ndarray | None = None
-    began: np.ndarray | None = None
-    history: Record | None = None
-    place: np.ndarray | None = None
+    began: np.ndarray | None = None  #: (n_recorded_runs,): times at which these began
+    history: Record | None = None  #: The record before it was cut: what an actuator remembers at the start of a piece
+    place: np.ndarray | None = None  #: int (n_samples,): rows of the history
 
     @classmethod
     def from_runs(

@@ -29,23 +29,12 @@ def march(
 ) -> np.ndarray:
     """Free run of any one-step model, all runs at once, one call a step.
 
-    Parameters
-    ----------
-    step : callable
-        (n_runs, n_features) -> (n_runs, n_outputs); features are past outputs lag by lag, then inputs.
-    U : ndarray (n_runs, n_steps, n_inputs)
-    first : ndarray (n_runs, n_first, n_outputs)
-        Outputs at the first steps, as many as the longest lag at least.
-    output_lags : sequence of int
-    input_terms : sequence of (int, int)
-        Column and lag of every input feature.
-    limits : (ndarray, ndarray), optional
-        Lowest and highest outputs, (n_outputs,) each, with which ``step`` is called again.
-
-    Returns
-    -------
-    ndarray (n_runs, n_steps, n_outputs)
-        nan after a run became infinite or nan or the limits.
+    ``step``: (n_runs, n_features) -> (n_runs, n_outputs); features are past outputs lag by lag, then inputs.
+    ``U`` (n_runs, n_steps, n_inputs).
+    ``first`` (n_runs, n_first, n_outputs): outputs at the first steps, as many as the longest lag at least.
+    ``input_terms`` sequence of (int, int): column and lag of every input feature.
+    ``limits`` (ndarray, ndarray): lowest and highest outputs, (n_outputs,) each, with which ``step`` is called again.
+    Returns (n_runs, n_steps, n_outputs): nan after a run became infinite or nan or the limits.
     """
     n_runs, n_steps, _ = U.shape
     n_first, o = first.shape[1:]
@@ -73,17 +62,9 @@ def free_run(model: LagNet, U: np.ndarray, first: np.ndarray) -> np.ndarray:
 
     Many runs go at once, one product a step; a long run goes as pieces at once; a short one as plain numbers.
 
-    Parameters
-    ----------
-    model : LagNet
-    U : ndarray (n_runs, n_steps, n_inputs)
-    first : ndarray (n_runs, n_first, n_outputs)
-        Outputs at the first steps, as many as the longest lag at least.
-
-    Returns
-    -------
-    ndarray (n_runs, n_steps, n_outputs)
-        Not finite from where a run diverged.
+    ``U`` (n_runs, n_steps, n_inputs).
+    ``first`` (n_runs, n_first, n_outputs): outputs at the first steps, as many as the longest lag at least.
+    Returns (n_runs, n_steps, n_outputs): not finite from where a run diverged.
     """
     n_runs, n_steps, _ = U.shape
     n_first = first.shape[1]

@@ -12,12 +12,7 @@ _FEWEST_ROWS_IN_RUN = 32
 
 
 class RowSource(ABC):
-    """A table of floats (n_rows, n_columns) whose rows are made when they are asked for.
-
-    Attributes
-    ----------
-    shape : (int, int)
-    """
+    """A table of floats (n_rows, n_columns) whose rows are made when they are asked for."""
 
     shape: tuple[int, int]
 
@@ -45,17 +40,11 @@ class RowSource(ABC):
 class LagRows(RowSource):
     """The lag matrix of runs: ``values[t - lag, column]`` of every row t with whole history, run after run.
 
-    Parameters
-    ----------
-    tables : sequence of sequence of ndarray (n_samples_of_the_run, n_columns)
-        For each run its tables, for example past outputs and inputs.
-    terms : sequence of (table, column, lag)
-        What the columns of the lag matrix are.
-    n_first : int
-        Rows of each run that lack history: at least the longest lag.
+    ``tables`` sequence of sequence of (n_samples_of_the_run, n_columns): for each run its tables, for example past
+        outputs and inputs.
+    ``terms`` sequence of (table, column, lag): what the columns of the lag matrix are.
+    ``n_first``: rows of each run that lack history: at least the longest lag.
 
-    Examples
-    --------
     >>> import numpy as np
     >>> y = np.arange(5.0)[:, None]
     >>> rows = LagRows([(y,), (y + 10,)], [(0, 0, 1), (0, 0, 2)], n_first=2)

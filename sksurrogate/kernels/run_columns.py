@@ -16,18 +16,10 @@ UNSEEN = 1e-10
 
 @dataclass(frozen=True, eq=False)
 class RunColumns:
-    """Columns whose weights differ from run to run.
+    """Columns whose weights differ from run to run."""
 
-    Attributes
-    ----------
-    columns : ndarray (n_outputs, n_columns, n_samples)
-        0 in runs that have none.
-    of : ndarray of int (n_samples,)
-        Number of the run of every row, from 0 on.
-    """
-
-    columns: np.ndarray
-    of: np.ndarray
+    columns: np.ndarray  #: (n_outputs, n_columns, n_samples): 0 in runs that have none
+    of: np.ndarray  #: int (n_samples,): number of the run of every row, from 0 on
 
     def by_run(self, grams: np.ndarray, starts: np.ndarray) -> np.ndarray:
         """Grams of the pieces of a record that begin at ``starts``, added up run by run."""
@@ -43,16 +35,10 @@ class RunColumns:
 def take_out(grams: np.ndarray, k: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Take the last k columns, with weights of their own in every run, out of Grams (n_runs, n, n).
 
-    Returns
-    -------
-    left : ndarray (n_runs, n - k, n - k)
-        What is left of each Gram.
-    weights : ndarray (n_runs, k, n - k)
-        Of these columns in every other column.
-    inverse : ndarray (n_runs, k, k)
+    Returns ``left`` (n_runs, n - k, n - k): what is left of each Gram.
+    Returns ``weights`` (n_runs, k, n - k): of these columns in every other column.
+    Returns ``inverse`` (n_runs, k, k).
 
-    Examples
-    --------
     >>> columns = np.array([[1.0, 2.0, 4.0], [1.0, 1.0, 1.0]])  # a residual and a constant, in one run
     >>> left, weights, _ = take_out((columns @ columns.T)[None], 1)
     >>> left.round(9).tolist(), weights.round(9).tolist()

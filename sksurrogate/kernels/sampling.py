@@ -21,19 +21,11 @@ def read_between(
 
     Before the first row of a run its value, behind the last row along the last slope.
 
-    Parameters
-    ----------
-    y, right, left, end : ndarray (n_columns, n_samples)
-        Values at the rows, slopes behind and before them, values just before them.
-    shift : ndarray (n_columns | 1, n_samples | 1)
-        In rows; negative for later than the row.
-    dt : float
-    starts : ndarray of int (n_runs,)
-
-    Returns
-    -------
-    values, right, left : ndarray (n_columns, n_samples)
-        Of the signal that is read, slopes by time.
+    ``y, right, left, end`` (n_columns, n_samples): values at the rows, slopes behind and before them, values just
+        before them.
+    ``shift`` (n_columns | 1, n_samples | 1): in rows; negative for later than the row.
+    ``starts`` int (n_runs,).
+    Returns ``values, right, left`` (n_columns, n_samples): of the signal that is read, slopes by time.
     """
     n = y.shape[-1]
     shape = np.broadcast_shapes(y.shape, shift.shape)
@@ -81,19 +73,10 @@ def slopes_so_far(y: np.ndarray, end: np.ndarray, dt: float, starts: np.ndarray)
 
     A recursion can take the same slopes, because no later row is used. The first piece of a run is straight.
 
-    Parameters
-    ----------
-    y, end : ndarray (n_columns, n_samples)
-        Values at the rows, and just before them.
-    dt : float
-    starts : ndarray of int (n_runs,)
+    ``y, end`` (n_columns, n_samples): values at the rows, and just before them.
+    ``starts`` int (n_runs,).
+    Returns ``right, left`` (n_columns, n_samples).
 
-    Returns
-    -------
-    right, left : ndarray (n_columns, n_samples)
-
-    Examples
-    --------
     >>> y = np.array([[1.0, 0.0, 1.0, 4.0]])   # (s - 1)^2
     >>> [slope.tolist() for slope in slopes_so_far(y, y, 1.0, np.array([0]))]
     [[[-1.0, 0.0, 2.0, 4.0]], [[-1.0, -1.0, 2.0, 4.0]]]

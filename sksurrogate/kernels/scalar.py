@@ -23,18 +23,10 @@ _ACTIVATE = {
 def scalar_run(model: LagNet, sums: np.ndarray, first: np.ndarray) -> np.ndarray:
     """Free run of one run.
 
-    Parameters
-    ----------
-    model : LagNet
-        Folded.
-    sums : ndarray (n_units, n)
-        Share of inputs and bias in the first layer's sums.
-    first : ndarray (n_first, n_outputs)
-        Outputs before the first step, at least as many as the longest output lag.
-
-    Returns
-    -------
-    ndarray (n, n_outputs)
+    ``model``: folded.
+    ``sums`` (n_units, n): share of inputs and bias in the first layer's sums.
+    ``first`` (n_first, n_outputs): outputs before the first step, at least as many as the longest output lag.
+    Returns (n, n_outputs).
     """
     net, o = model.net, model.n_outputs
     run = _written(tuple(w.shape for w in net.weights), net.activations, model.output_lags, o)

@@ -20,24 +20,15 @@ class Separable:
     The residual is ``(I - Q Q') y`` with ``Phi = Q R``; its Jacobian is taken as Kaufman does, ``-(I - Q Q') (dPhi theta)``,
     which leaves out a term of the size of the residual. An instance is the ``evaluate`` of a search over omega.
 
-    Parameters
-    ----------
-    basis : callable
-        omega -> (Phi transposed (n_basis, n_rows), anything that ``tangent`` needs).
-    tangent : callable
-        (what basis returned, theta (n_basis, n_outputs)) -> one array (n_omega, n_rows) for each output: the slopes of
-        ``Phi @ theta`` with respect to omega. The arrays are overwritten.
-    y : ndarray (n_rows, n_outputs)
-    root_weights : ndarray (n_rows,), optional
-        Square roots of the weights of the rows.
-    ridge : ndarray (n_basis,), optional
-        Weights of the squares of theta in the cost.
-    ridge_omega : ndarray (n_omega,), optional
-        Weights of the squares of omega in the cost.
+    ``basis``: omega -> (Phi transposed (n_basis, n_rows), anything that ``tangent`` needs).
+    ``tangent``: (what basis returned, theta (n_basis, n_outputs)) -> one array (n_omega, n_rows) for each output: the
+        slopes of ``Phi @ theta`` with respect to omega. The arrays are overwritten.
+    ``y`` (n_rows, n_outputs).
+    ``root_weights`` (n_rows,): square roots of the weights of the rows.
+    ``ridge`` (n_basis,): weights of the squares of theta in the cost.
+    ``ridge_omega`` (n_omega,): weights of the squares of omega in the cost.
 
-    References
-    ----------
-    G. H. Golub, V. Pereyra, SIAM J. Numer. Anal. 10 (1973); L. Kaufman, BIT 15 (1975).
+    See G. H. Golub, V. Pereyra, SIAM J. Numer. Anal. 10 (1973); L. Kaufman, BIT 15 (1975).
     """
 
     def __init__(

@@ -23,25 +23,15 @@ BASIN_ROWS = 20_000
 
 @dataclass(frozen=True)
 class FreeRunLoss:
-    """``sum (y - y_hat)^2 + alpha * sum w^2`` over free runs.
+    """``sum (y - y_hat)^2 + alpha * sum w^2`` over free runs."""
 
-    Attributes
-    ----------
-    U : ndarray (n_runs, n_steps, n_inputs)
-    target : ndarray (n_runs, n_steps, n_outputs)
-        Measured outputs, the first ``n_first`` of which start the runs; nan rows (ends of shorter runs) do not count.
-    n_first : int
-    alpha : float
-        Penalty on weights, not on biases.
-    weight : ndarray (n_runs,), optional
-        Factor of every run's squares.
-    """
-
-    U: np.ndarray
+    U: np.ndarray  #: (n_runs, n_steps, n_inputs)
+    #: (n_runs, n_steps, n_outputs): measured outputs, the first ``n_first`` of which start the runs; nan rows (ends of
+    #: shorter runs) do not count
     target: np.ndarray
     n_first: int
-    alpha: float = 0.0
-    weight: np.ndarray | None = None
+    alpha: float = 0.0  #: Penalty on weights, not on biases
+    weight: np.ndarray | None = None  #: (n_runs,): factor of every run's squares
 
     @property
     def root(self) -> float | np.ndarray:
@@ -186,20 +176,10 @@ def fit_free_run(
     Of several starts each goes half of Adam's way and some steps further; the best goes to the end. Of many rows this
     far a part is enough.
 
-    Parameters
-    ----------
-    loss : FreeRunLoss
-    starts : sequence of LagNet
-        Starting weights; their free runs must be finite.
-    max_iter : int
-        Steps of Levenberg-Marquardt at most.
-    tol : float
-        Relative decrease below which Levenberg-Marquardt stops.
-
-    Returns
-    -------
-    model : LagNet
-    value : float
+    ``starts``: starting weights; their free runs must be finite.
+    ``max_iter``: steps of Levenberg-Marquardt at most.
+    ``tol``: relative decrease below which Levenberg-Marquardt stops.
+    Returns ``model``, ``value``.
     """
     some = loss.some(BASIN_ROWS)
     if len(starts) == 1:

@@ -25,23 +25,12 @@ PENALTY_SETTLED = 0.05
 
 @dataclass(frozen=True, eq=False)
 class EvidenceFit:
-    """A shooting fit, its penalty and noise.
-
-    Attributes
-    ----------
-    model : LagNet or LagBasis
-    loss : FreeRunLoss
-        With the last penalty.
-    y : ndarray (n_runs, n_steps, n_outputs)
-        Free runs.
-    evidence : Evidence
-        Its ``penalty`` is where a further round would move it.
-    """
+    """A shooting fit, its penalty and noise."""
 
     model: Any
-    loss: FreeRunLoss
-    y: np.ndarray
-    evidence: Evidence
+    loss: FreeRunLoss  #: With the last penalty
+    y: np.ndarray  #: (n_runs, n_steps, n_outputs): free runs
+    evidence: Evidence  #: Its ``penalty`` is where a further round would move it
 
     def left_out(self) -> np.ndarray:
         """Mean squared error of runs by fits without them, linearised; of parts of runs where there are few, (n_parts,)."""
@@ -91,20 +80,10 @@ def fit_by_evidence(
 ) -> EvidenceFit | None:
     """Follow the minimum from ``loss.alpha`` to the penalty of the largest evidence.
 
-    Parameters
-    ----------
-    loss : FreeRunLoss
-        Its ``alpha`` is where the path begins.
-    model : LagNet or LagBasis
-        Start; its free runs must be finite.
-    holds : callable(model) -> bool, optional
-        The path ends before the first model that it refuses.
-    n_rounds, n_steps : int
-
-    Returns
-    -------
-    EvidenceFit or None
-        None where the start is refused, or its free runs are not finite.
+    ``loss``: its ``alpha`` is where the path begins.
+    ``model``: start; its free runs must be finite.
+    ``holds`` (model) -> bool: the path ends before the first model that it refuses.
+    Returns None where the start is refused, or its free runs are not finite.
     """
     found: EvidenceFit | None = None
     y: np.ndarray | None = None

@@ -21,19 +21,11 @@ from sksurrogate.kernels.banded import first_order_scan
 
 @dataclass(frozen=True, eq=False)
 class Signal:
-    """One input as linear pieces.
+    """One input as linear pieces."""
 
-    Attributes
-    ----------
-    mean : ndarray (n_sub, n_columns, n_samples)
-    half : ndarray of the same shape or None
-        Half the rise over the substep; None where the signal is constant within a sample.
-    shown : ndarray (n_columns, n_samples) or None
-        Value at every sample; None where it is that at the start of the first substep.
-    """
-
-    mean: np.ndarray
-    half: np.ndarray | None = None
+    mean: np.ndarray  #: (n_sub, n_columns, n_samples)
+    half: np.ndarray | None = None  #: Half the rise over the substep; None where the signal is constant within a sample
+    #: (n_columns, n_samples): value at every sample; None where it is that at the start of the first substep
     shown: np.ndarray | None = None
 
     def at_samples(self) -> np.ndarray:
@@ -115,17 +107,10 @@ def _before_run(first: np.ndarray, before: Before) -> np.ndarray:
 def delay(signal: Signal, time: np.ndarray, h: float, starts: np.ndarray, before: Before = None) -> Signal:
     """``u(t - time)``. Exact in the first two moments of every substep.
 
-    Parameters
-    ----------
-    signal : Signal
-    time : ndarray (n_columns,)
-        Delay of every column, >= 0.
-    h : float
-        Width of a substep.
-    starts : ndarray of int (n_runs,)
-        First sample of every run.
-    before : float or ndarray (n_runs,), optional
-        The input before the first row of a run; None or nan: the value of that row.
+    ``time`` (n_columns,): delay of every column, >= 0.
+    ``h``: width of a substep.
+    ``starts`` int (n_runs,): first sample of every run.
+    ``before`` float or (n_runs,): the input before the first row of a run; None or nan: the value of that row.
     """
     n_sub = len(signal.mean)
     n = signal.mean.shape[2] * n_sub

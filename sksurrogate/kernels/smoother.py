@@ -22,14 +22,10 @@ def noise_of_differences(
 ) -> np.ndarray:
     """Standard deviation of white sensor noise: MAD of third differences / 0.6745 / sqrt(20), (n_outputs,).
 
-    Parameters
-    ----------
-    y : ndarray (n_outputs, n_samples)
-    starts : ndarray of int (n_runs,)
-    known : ndarray of bool (n_outputs, n_samples), optional
-        Which values were measured: differences are then divided ones, of four measured values in a row.
-    t : ndarray (n_samples,), optional
-        Time of every sample, for these.
+    ``y`` (n_outputs, n_samples), ``starts`` int (n_runs,).
+    ``known`` bool (n_outputs, n_samples): which values were measured: differences are then divided ones, of four
+        measured values in a row.
+    ``t`` (n_samples,): time of every sample, for these.
     """
     if known is not None:
         t = np.arange(y.shape[1], dtype=float) if t is None else t
@@ -76,20 +72,11 @@ _HALVINGS, _ROUNDING = 10, 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Smoothed:
-    """A smoothed trajectory.
+    """A smoothed trajectory."""
 
-    Attributes
-    ----------
-    x : ndarray (n_states, n_samples)
-    allowance : ndarray (n_states,)
-        RMS defect of every state.
-    A : ndarray (n_states, n_states, n_samples)
-        State Jacobians of the step map.
-    """
-
-    x: np.ndarray
-    allowance: np.ndarray
-    A: np.ndarray
+    x: np.ndarray  #: (n_states, n_samples)
+    allowance: np.ndarray  #: (n_states,): RMS defect of every state
+    A: np.ndarray  #: (n_states, n_states, n_samples): state Jacobians of the step map
 
 
 def output_jacobian(bound: ObservedStepper, x: np.ndarray, scale: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -123,29 +110,15 @@ def smooth(
 ) -> Smoothed:
     """Smooth.
 
-    Parameters
-    ----------
-    bound : ObservedStepper
-        The model at one parameter vector.
-    y : ndarray (n_outputs, n_samples)
-    starts : ndarray of int (n_runs,)
-    sd : ndarray (n_outputs,)
-        Standard deviation of the sensor noise.
-    x : ndarray (n_states, n_samples)
-        Start: measured states as measured, others a guess.
-    scale : ndarray (n_states,)
-    rigid : ndarray of bool (n_states,), optional
-        Rows that are known to hold (dq/dt = v): their allowance stays at the floor.
-    share : ndarray (n_states, n_samples), optional
-        What the allowance of a balance is multiplied by in a sample; 1 by default.
-    known : ndarray of bool (n_outputs, n_samples), optional
-        Which values of y were measured.
-    floor : float
-        Smallest allowance, in units of ``scale``.
-
-    Returns
-    -------
-    Smoothed
+    ``bound``: the model at one parameter vector.
+    ``y`` (n_outputs, n_samples), ``starts`` int (n_runs,).
+    ``sd`` (n_outputs,): standard deviation of the sensor noise.
+    ``x`` (n_states, n_samples): start: measured states as measured, others a guess.
+    ``scale`` (n_states,).
+    ``rigid`` bool (n_states,): rows that are known to hold (dq/dt = v): their allowance stays at the floor.
+    ``share`` (n_states, n_samples): what the allowance of a balance is multiplied by in a sample; 1 by default.
+    ``known`` bool (n_outputs, n_samples): which values of y were measured.
+    ``floor``: smallest allowance, in units of ``scale``.
     """
     n, n_samples = x.shape
     ends = np.r_[starts[1:], n_samples] - 1

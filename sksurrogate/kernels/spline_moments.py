@@ -31,24 +31,13 @@ def add_spline_moments(
 ) -> bool:
     """Take in the splines of some rows, side by side, and their targets.
 
-    Parameters
-    ----------
-    moments : Moments
-        Of the splines of all inputs and the targets, in this order.
-    X : ndarray (n_samples, n_inputs)
-    splines : sequence of Spline
-        One for each input, none of them periodic.
-    targets : ndarray (n_samples, n_outputs)
-    weights : ndarray (n_samples,), optional
-
-    Returns
-    -------
-    bool
-        False where nothing was taken in: too few rows for cells, or a spline that is all but constant. The features
+    ``moments``: of the splines of all inputs and the targets, in this order.
+    ``X`` (n_samples, n_inputs).
+    ``splines``: one for each input, none of them periodic.
+    ``targets`` (n_samples, n_outputs), ``weights`` (n_samples,).
+    Returns False where nothing was taken in: too few rows for cells, or a spline that is all but constant. The features
         themselves are needed then.
 
-    Examples
-    --------
     >>> import numpy as np
     >>> from sksurrogate.kernels.bases import spline_csr, spline_on
     >>> from sksurrogate.kernels.gram import Moments

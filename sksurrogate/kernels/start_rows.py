@@ -15,19 +15,10 @@ START_SPREADS = 3.0
 def found_start(run: Callable[[np.ndarray], np.ndarray], y: np.ndarray, n: int, noise: float) -> np.ndarray:
     """First n rows from which the free runs come nearest to more measured rows, by Gauss-Newton.
 
-    Parameters
-    ----------
-    run : callable
-        First rows (n_runs, n, n_outputs) -> free runs (n_runs, n_steps, n_outputs), in spreads.
-    y : ndarray (n_runs, n_rows, n_outputs)
-        Measured; nan where it was not.
-    n : int
-    noise : float
-        Variance of the measurement noise.
-
-    Returns
-    -------
-    ndarray (n_runs, n, n_outputs)
+    ``run``: first rows (n_runs, n, n_outputs) -> free runs (n_runs, n_steps, n_outputs), in spreads.
+    ``y`` (n_runs, n_rows, n_outputs): measured; nan where it was not.
+    ``noise``: variance of the measurement noise.
+    Returns (n_runs, n, n_outputs).
     """
     n_runs, q = len(y), n * y.shape[2]
     known, precision = np.isfinite(y), noise / START_SPREADS**2

@@ -23,10 +23,8 @@ def weigh_states(
 ) -> Evidence:
     """The evidence at a fit, initial states integrated out; the first group is the networks' weights, the second the affine part.
 
-    Parameters
-    ----------
-    model, fit, U, Y, starts, alpha
-        As for :func:`fit_output_error`; ``alpha`` is the penalty beside the mean squared error.
+    ``model, fit, U, Y, starts, alpha``: as for :func:`fit_output_error`; ``alpha`` is the penalty beside the mean
+        squared error.
     """
     loss = OutputErrorLoss(model, U, Y, starts, alpha)
     H, _, couple, own, _ = loss.normal(fit.theta, fit.x0, fit.x)
@@ -78,14 +76,10 @@ def run_variance(
 ) -> np.ndarray:
     """Variance of new measurements along one free run, (n_samples, n_outputs): noise, parameters, and the initial state.
 
-    Parameters
-    ----------
-    x : ndarray (n_samples, n_states)
-        The run.
-    precision : ndarray (n_states, n_states)
-        Of the initial state before anything is measured, in units of the squared output error.
-    n_seen : int
-        Rows from which the initial state was estimated.
+    ``x`` (n_samples, n_states): the run.
+    ``precision`` (n_states, n_states): of the initial state before anything is measured, in units of the squared output
+        error.
+    ``n_seen``: rows from which the initial state was estimated.
     """
     _, J, Jx = state_slopes(model, theta, x, U, np.zeros(1, int))
     first = Jx[:n_seen].reshape(-1, Jx.shape[2])

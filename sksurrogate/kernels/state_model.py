@@ -10,18 +10,11 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Block:
-    """``z -> z W + b + network(z)``; without hidden layers an affine map.
-
-    Attributes
-    ----------
-    n_in, n_out : int
-    hidden : tuple of int
-        Units of the tanh layers of the network.
-    """
+    """``z -> z W + b + network(z)``; without hidden layers an affine map."""
 
     n_in: int
     n_out: int
-    hidden: tuple[int, ...] = ()
+    hidden: tuple[int, ...] = ()  #: Units of the tanh layers of the network
 
     @property
     def shapes(self) -> list[tuple[int, ...]]:
@@ -104,14 +97,7 @@ class Block:
 
 @dataclass(frozen=True)
 class StateModel:
-    """f on (x, u) and g on x, or on (x, u) with feedthrough.
-
-    Attributes
-    ----------
-    n_states, n_inputs, n_outputs : int
-    hidden : tuple of int
-    feedthrough : bool
-    """
+    """f on (x, u) and g on x, or on (x, u) with feedthrough."""
 
     n_states: int
     n_inputs: int

@@ -30,14 +30,8 @@ def simulate(
 ) -> np.ndarray:
     """States of a free run, (n_samples, n_states): Newton over time from a guess, else all runs at once step by step.
 
-    Parameters
-    ----------
-    model, theta
-    x0 : ndarray (n_runs, n_states)
-    U : ndarray (n_samples, n_inputs)
-    starts : ndarray of int (n_runs,)
-    guess : ndarray (n_samples, n_states), optional
-        A trajectory near it; an affine model needs none.
+    ``x0`` (n_runs, n_states), ``U`` (n_samples, n_inputs), ``starts`` int (n_runs,).
+    ``guess`` (n_samples, n_states): a trajectory near it; an affine model needs none.
     """
     if guess is None and not model.hidden:
         guess = np.zeros((len(U), model.n_states))
@@ -110,19 +104,11 @@ def start_states(
 ) -> np.ndarray:
     """Initial states from the first outputs: Gauss-Newton with a normal prior on the state.
 
-    Parameters
-    ----------
-    model, theta
-    U : ndarray (n_windows, n_rows, n_inputs)
-    Y : ndarray (n_windows, n_rows, n_outputs)
-        nan counts as not measured.
-    mean : ndarray (n_states,)
-    precision : ndarray (n_states, n_states)
-        Of the prior, in units of the squared output error.
-
-    Returns
-    -------
-    ndarray (n_windows, n_states)
+    ``U`` (n_windows, n_rows, n_inputs).
+    ``Y`` (n_windows, n_rows, n_outputs): nan counts as not measured.
+    ``mean`` (n_states,).
+    ``precision`` (n_states, n_states): of the prior, in units of the squared output error.
+    Returns (n_windows, n_states).
     """
     R, L, n = len(U), U.shape[1], model.n_states
     x0, known = np.broadcast_to(mean, (R, n)).copy(), np.isfinite(Y)
@@ -159,20 +145,10 @@ def subspace(
 ) -> tuple[np.ndarray, ...] | None:
     """A, B, C, D, b, c of a linear model by projection of the future on the past (N4SID), runs of any lengths.
 
-    Parameters
-    ----------
-    U, Y : sequence of ndarray (n_samples, n_inputs) and (n_samples, n_outputs)
-    n_states, n_past : int
-        Order; rows of the past and of the future.
-    feedthrough : bool
+    ``U, Y`` sequence of (n_samples, n_inputs) and (n_samples, n_outputs).
+    ``n_states, n_past``: order; rows of the past and of the future.
 
-    Returns
-    -------
-    tuple, or None where the runs are too short
-
-    References
-    ----------
-    Van Overschee, De Moor, *N4SID*, Automatica 30 (1994).
+    See Van Overschee, De Moor, *N4SID*, Automatica 30 (1994).
     """
     p = n_past
     pieces = [(u, y) for u, y in zip(U, Y) if len(u) >= 2 * p + 1]
@@ -222,22 +198,12 @@ def subspace(
 
 @dataclass(frozen=True, eq=False)
 class StateFit:
-    """Result of :func:`fit_output_error`.
-
-    Attributes
-    ----------
-    theta : ndarray
-    x0 : ndarray (n_runs, n_states)
-    x : ndarray (n_samples, n_states)
-    cost : float
-        Mean squared error and penalty.
-    n_iter : int
-    """
+    """Result of :func:`fit_output_error`."""
 
     theta: np.ndarray
-    x0: np.ndarray
-    x: np.ndarray
-    cost: float
+    x0: np.ndarray  #: (n_runs, n_states)
+    x: np.ndarray  #: (n_samples, n_states)
+    cost: float  #: Mean squared error and penalty
     n_iter: int
 
 
@@ -319,27 +285,14 @@ def fit_output_error(
 ) -> StateFit:
     """Levenberg-Marquardt on the free run, parameters and the initial state of every run together.
 
-    Parameters
-    ----------
-    model : StateModel
-    theta : ndarray
-        Start.
-    x0 : ndarray (n_runs, n_states)
-        Start.
-    U : ndarray (n_samples, n_inputs)
-    Y : ndarray (n_samples, n_outputs)
-        nan counts as not measured.
-    starts : ndarray of int (n_runs,)
-    alpha : float
-        Penalty on the networks' weights beside the mean squared error.
-    max_iter, tol
-        Steps at most; relative decrease at which it stops.
-    holds : callable(theta, x) -> bool, optional
-        Steps to parameters that it refuses are not taken.
-
-    Returns
-    -------
-    StateFit
+    ``theta``: start.
+    ``x0`` (n_runs, n_states): start.
+    ``U`` (n_samples, n_inputs).
+    ``Y`` (n_samples, n_outputs): nan counts as not measured.
+    ``starts`` int (n_runs,).
+    ``alpha``: penalty on the networks' weights beside the mean squared error.
+    ``max_iter, tol``: steps at most; relative decrease at which it stops.
+    ``holds`` (theta, x) -> bool: steps to parameters that it refuses are not taken.
     """
     objective = OutputErrorLoss(model, U, Y, starts, alpha)
     cost, x = objective.cost(theta, x0, None)

@@ -41,21 +41,12 @@ def one_sample(
 ) -> np.ndarray:
     """The states one sample later, by Runge-Kutta with a step for each substep of the inputs or by :func:`rosenbrock`.
 
-    Parameters
-    ----------
-    derivative : callable (t, x, u) -> dx/dt
-    t : ndarray
-        Time of every sample.
-    x : ndarray (n_states, *s)
-    mean, half : ndarray (n_sub, n_inputs, *s)
-        Inputs of every substep (:class:`~sksurrogate.kernels.signals.Signal`).
-    dt : float or ndarray (*s)
-        Width of a sample.
-    stiff : bool
-
-    Returns
-    -------
-    ndarray (n_states, *s)
+    ``derivative`` (t, x, u) -> dx/dt.
+    ``t``: time of every sample.
+    ``x`` (n_states, *s).
+    ``mean, half`` (n_sub, n_inputs, *s): inputs of every substep (:class:`~sksurrogate.kernels.signals.Signal`).
+    ``dt`` float or (*s): width of a sample.
+    Returns (n_states, *s).
     """
     if not stiff:
         return rk4(derivative, t, x, mean, half, dt / len(mean))
@@ -76,22 +67,13 @@ def rosenbrock(
 
     Steps grow by factors of two: inputs jump at the samples, and fast states settle behind a jump.
 
-    Parameters
-    ----------
-    derivative : callable (t, x, u) -> dx/dt
-    t : ndarray
-        Time of every sample.
-    x : ndarray (n_states, *s)
-    u0, u1 : ndarray (n_inputs, *s)
-        Inputs at the start and at the end of the sample, joined linearly.
-    dt : float or ndarray (*s)
-        Width of a sample.
-    refine : int, default=1
-        Each of the 14 steps is cut into as many.
-
-    Returns
-    -------
-    ndarray (n_states, *s)
+    ``derivative`` (t, x, u) -> dx/dt.
+    ``t``: time of every sample.
+    ``x`` (n_states, *s).
+    ``u0, u1`` (n_inputs, *s): inputs at the start and at the end of the sample, joined linearly.
+    ``dt`` float or (*s): width of a sample.
+    ``refine``: each of the 14 steps is cut into as many.
+    Returns (n_states, *s).
     """
     edges = np.r_[0.0, 0.5 ** np.arange(_DOUBLINGS, -1, -1)]
     inner = np.arange(refine) / refine

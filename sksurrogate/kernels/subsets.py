@@ -18,17 +18,10 @@ ROUNDED_RESIDUAL = 1e-14
 
 @dataclass(frozen=True, eq=False)
 class Elimination:
-    """Nested sets of columns, each made from the one before by leaving out the column that is missed least.
+    """Nested sets of columns, each made from the one before by leaving out the column that is missed least."""
 
-    Attributes
-    ----------
-    order : ndarray of int (n_columns,)
-        Columns in the order in which they leave.
-    squares : ndarray (n_columns + 1,)
-        Residual squares with 0, 1, ... columns: entry k belongs to the last k of ``order``.
-    """
-
-    order: np.ndarray
+    order: np.ndarray  #: int (n_columns,): columns in the order in which they leave
+    #: (n_columns + 1,): residual squares with 0, 1, ... columns: entry k belongs to the last k of ``order``.
     squares: np.ndarray
 
     def columns(self, k: int) -> np.ndarray:
@@ -41,21 +34,10 @@ def eliminate(A: np.ndarray, b: np.ndarray) -> Elimination:
 
     Leaving out column j raises the squares by ``x_j^2 / ((A'A)^-1)_jj``; the least goes first, the others are refitted.
 
-    Parameters
-    ----------
-    A : ndarray (n_rows, n_columns)
-    b : ndarray (n_rows,)
+    ``A`` (n_rows, n_columns), ``b`` (n_rows,).
 
-    Returns
-    -------
-    Elimination
+    See Boninsegna, Nueske, Clementi, *Sparse learning of stochastic dynamical equations*, J. Chem. Phys. 148 (2018).
 
-    References
-    ----------
-    Boninsegna, Nueske, Clementi, *Sparse learning of stochastic dynamical equations*, J. Chem. Phys. 148 (2018).
-
-    Examples
-    --------
     >>> import numpy as np
     >>> A = np.array([[1.0, 0.0, 1.0], [0.0, 1.0, 1.0], [1.0, 1.0, 0.0]])
     >>> eliminate(A, A @ [2.0, 0.0, 1.0]).columns(2)
@@ -86,21 +68,12 @@ def log_evidence(squares: np.ndarray, n_rows: float, n_constants: int = 0) -> np
     ``-n/2 log(squares / n) - k/2 log n - log binom(p, k)``: Laplace's approximation with a prior worth one row, and
     subsets of one size sharing their prior probability. ``-inf`` for more parameters than half the rows.
 
-    Parameters
-    ----------
-    squares : ndarray (n_columns + 1,)
-    n_rows : float
-        Independent rows.
-    n_constants : int
-        Parameters that every model has (the intercept).
+    ``squares`` (n_columns + 1,).
+    ``n_rows``: independent rows.
+    ``n_constants``: parameters that every model has (the intercept).
+    Returns (n_columns + 1,).
 
-    Returns
-    -------
-    ndarray (n_columns + 1,)
-
-    References
-    ----------
-    Chen, Chen, *Extended Bayesian information criteria*, Biometrika 95 (2008).
+    See Chen, Chen, *Extended Bayesian information criteria*, Biometrika 95 (2008).
     """
     k = np.arange(len(squares))
     p = len(squares) - 1
@@ -124,24 +97,12 @@ def refit(A: np.ndarray, b: np.ndarray, columns: np.ndarray) -> np.ndarray:
 def threshold_refit(A: np.ndarray, b: np.ndarray, size: np.ndarray, threshold: float) -> np.ndarray:
     """Sequentially thresholded least squares: fit, leave out ``|x_j| * size_j < threshold``, fit again, until none goes.
 
-    Parameters
-    ----------
-    A : ndarray (n_rows, n_columns)
-    b : ndarray (n_rows,)
-    size : ndarray (n_columns,)
-        What a coefficient of 1 amounts to.
-    threshold : float
+    ``A`` (n_rows, n_columns), ``b`` (n_rows,).
+    ``size`` (n_columns,): what a coefficient of 1 amounts to.
+    Returns (n_columns,).
 
-    Returns
-    -------
-    ndarray (n_columns,)
+    See Brunton, Proctor, Kutz, *Discovering governing equations from data*, PNAS 113 (2016).
 
-    References
-    ----------
-    Brunton, Proctor, Kutz, *Discovering governing equations from data*, PNAS 113 (2016).
-
-    Examples
-    --------
     >>> import numpy as np
     >>> threshold_refit(np.eye(3), np.array([2.0, 0.1, -1.0]), np.ones(3), 0.5)
     array([ 2.,  0., -1.])

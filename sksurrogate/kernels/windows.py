@@ -38,25 +38,13 @@ def run_in_windows(
 ) -> np.ndarray:
     """Free run of stacked runs.
 
-    Parameters
-    ----------
-    step : callable (x, rows) -> next states
-        The map at some of the rows; columns are perturbations.
-    x0 : ndarray (n_states, n_runs)
-    starts, lengths : ndarray of int (n_runs,)
-        First row and number of rows of every run.
-    size : ndarray (n_states,)
-        Size of each state.
-    near : ndarray (n_states, n_samples), optional
-        A trajectory near the run: windows start from it, as wide as may be.
+    ``step`` (x, rows) -> next states: the map at some of the rows; columns are perturbations.
+    ``x0`` (n_states, n_runs).
+    ``starts, lengths`` int (n_runs,): first row and number of rows of every run.
+    ``size`` (n_states,): size of each state.
+    ``near`` (n_states, n_samples): a trajectory near the run: windows start from it, as wide as may be.
+    Returns (n_states, n_samples): nan behind the row at which a run is not finite.
 
-    Returns
-    -------
-    ndarray (n_states, n_samples)
-        nan behind the row at which a run is not finite.
-
-    Examples
-    --------
     >>> x = run_in_windows(lambda x, rows: 0.5 * x, np.array([[1.0]]), np.array([0]), np.array([4]), np.ones(1))
     >>> x.round(12)
     array([[1.   , 0.5  , 0.25 , 0.125]])

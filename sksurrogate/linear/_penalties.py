@@ -16,28 +16,18 @@ from sksurrogate.exceptions import DataError
 
 @dataclass(frozen=True, eq=False)
 class Situation:
-    """What a penalty or constraint may know of the fit.
+    """What a penalty or constraint may know of the fit."""
 
-    Attributes
-    ----------
-    phi : callable
-        Points (n_points, n_inputs) -> features (n_points, n_features).
-    gradient : callable
-        Points -> derivative of the features by the inputs (n_points, n_features, n_inputs).
-    n_inputs, n_features, n_outputs : int
-    low, high : ndarray (n_inputs,)
-        Range of the training inputs.
-    blocks : sequence of int or tuple of int
-        Where neighbouring coefficients stand: n in a row, or the shape of a tensor.
-    """
-
-    phi: Callable[[np.ndarray], np.ndarray]
+    phi: Callable[[np.ndarray], np.ndarray]  #: Points (n_points, n_inputs) -> features (n_points, n_features)
+    #: Points -> derivative of the features by the inputs (n_points, n_features, n_inputs)
     gradient: Callable[[np.ndarray], np.ndarray]
     n_inputs: int
     n_features: int
     n_outputs: int
+    #: low, high: (n_inputs,): range of the training inputs
     low: np.ndarray
     high: np.ndarray
+    #: Where neighbouring coefficients stand: n in a row, or the shape of a tensor
     blocks: Sequence[int | tuple[int, ...]]
 
     def points(self, points: Any, name: str) -> np.ndarray:

@@ -23,13 +23,8 @@ except ImportError:  # scikit-learn 1.8
 class Tasks:
     """Reports a fit, and each of its steps, to the callbacks of an estimator.
 
-    Parameters
-    ----------
-    estimator : FNNRegressor
-    X, y : array-like
-        As given to fit: some callbacks score on them.
-    rows : Rows
-        Scaling, with which layers are written for raw inputs.
+    ``X, y``: as given to fit: some callbacks score on them.
+    ``rows``: scaling, with which layers are written for raw inputs.
     """
 
     def __init__(self, estimator: Any, X: Any, y: Any, rows: Rows):

@@ -22,22 +22,12 @@ EVIDENCE_ROUNDS, LARGEST_PENALTY_CHANGE, EVIDENCE_SETTLED = 12, 2.3, 0.05
 
 @dataclass(frozen=True, eq=False)
 class Belief:
-    """What is known of a network's weights and of the noise, for standardised data.
-
-    Attributes
-    ----------
-    layers : Layers
-    evidence : Evidence
-    noise : ndarray (n_outputs,)
-        Variance of every output's noise.
-    rows : Rows
-        The scaling.
-    """
+    """What is known of a network's weights and of the noise, for standardised data."""
 
     layers: Layers
     evidence: Evidence
-    noise: np.ndarray
-    rows: Rows
+    noise: np.ndarray  #: (n_outputs,): variance of every output's noise
+    rows: Rows  #: The scaling
 
     def deviation(self, X: np.ndarray) -> np.ndarray:
         """Standard deviation of a new measurement, (n_rows, n_outputs), in units of y."""
@@ -56,12 +46,9 @@ class Belief:
 def train_by_evidence(solver: str, plan: Plan, rows: Rows, torch: Torch) -> tuple[Trained, Plan, Belief]:
     """Levenberg-Marquardt from random starts, then from its end with the penalty weighed again until it settles.
 
-    Returns
-    -------
-    trained : Trained
-    plan : Plan
-        With the penalty.
-    belief : Belief
+    Returns ``trained``.
+    Returns ``plan``: with the penalty.
+    Returns ``belief``.
     """
     if solver != "lm" or "binary_step" in plan.activations or rows.smooth is not None:
         raise DataError(

@@ -52,19 +52,11 @@ ACTIVATIONS: dict[str, Activation] = {
 
 @dataclass(frozen=True)
 class Layers:
-    """Layers ``xi_l = sigma_l(xi_(l-1) @ W_l + b_l)`` (paper, section 3.2).
+    """Layers ``xi_l = sigma_l(xi_(l-1) @ W_l + b_l)`` (paper, section 3.2)."""
 
-    Attributes
-    ----------
-    weights : tuple of ndarray (n_in, n_out)
-    biases : tuple of ndarray (n_out,)
-    activations : tuple of str
-        One for each layer, the output layer included.
-    """
-
-    weights: tuple[np.ndarray, ...]
-    biases: tuple[np.ndarray, ...]
-    activations: tuple[str, ...]
+    weights: tuple[np.ndarray, ...]  #: tuple of (n_in, n_out)
+    biases: tuple[np.ndarray, ...]  #: tuple of (n_out,)
+    activations: tuple[str, ...]  #: One for each layer, the output layer included
 
     def __call__(self, X: np.ndarray) -> np.ndarray:
         """(n_rows, n_inputs) -> (n_rows, n_outputs)."""

@@ -24,13 +24,9 @@ class Smoothness:
     """Mean squared slopes and curvatures of the prediction at the rows, as further residuals (paper, section 2.3).
 
     They are taken by central differences over 0.01 standard deviations, so that they need values of the network only.
-
-    Attributes
-    ----------
-    slope, curvature : float
-        Weights beside the mean squared error, in standardised units.
     """
 
+    #: slope, curvature: weights beside the mean squared error, in standardised units
     slope: float
     curvature: float
 

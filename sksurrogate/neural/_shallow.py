@@ -26,13 +26,9 @@ class Shallow:
     the length of the data. Where the condition of the basis or a small residual would lose digits that way, the
     orthogonal route ``exact`` is taken.
 
-    Parameters
-    ----------
-    hidden : Layers
-        The one hidden layer.
-    x : ndarray (n_inputs, n_rows)
-    exact : Separable
-        The same problem by orthogonal factors; it holds targets, root weights and ridge.
+    ``hidden``: the one hidden layer.
+    ``x`` (n_inputs, n_rows).
+    ``exact``: the same problem by orthogonal factors; it holds targets, root weights and ridge.
     """
 
     def __init__(self, hidden: Layers, x: np.ndarray, exact: Separable):

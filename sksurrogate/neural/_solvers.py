@@ -29,30 +29,16 @@ NET_SOLVED, NET_FLOOR = 1e-12, 1e-24
 
 @dataclass(frozen=True)
 class Plan:
-    """What to train and how long.
+    """What to train and how long."""
 
-    Attributes
-    ----------
-    sizes : tuple of int
-        Inputs, hidden units, outputs.
-    activations : tuple of str
-        One for each layer, the output layer included.
-    alpha : float
-        Weight of the sum of squared weights beside the mean squared error.
-    n_starts, max_iter : int
-    tol : float
-    rng : numpy.random.Generator
-    prior : ndarray (n_theta,) or None
-        Weights and biases from which ``alpha`` counts, and at which the first start stands.
-    """
-
-    sizes: tuple[int, ...]
-    activations: tuple[str, ...]
-    alpha: float
+    sizes: tuple[int, ...]  #: Inputs, hidden units, outputs
+    activations: tuple[str, ...]  #: One for each layer, the output layer included
+    alpha: float  #: Weight of the sum of squared weights beside the mean squared error
     n_starts: int
     max_iter: int
     tol: float
     rng: np.random.Generator
+    #: (n_theta,): weights and biases from which ``alpha`` counts, and at which the first start stands
     prior: np.ndarray | None = None
 
     def draw(self) -> Layers:
@@ -68,26 +54,13 @@ class Plan:
 
 @dataclass(frozen=True)
 class Outcome:
-    """A trained network.
+    """A trained network."""
 
-    Attributes
-    ----------
-    layers : Layers
-        For standardised inputs and outputs.
-    curve : list of float
-        Penalised mean squared error, step by step (of the best start).
-    n_iter : int
-    validation : list of float
-        Mean squared error on the validation rows, step by step.
-    settled : bool
-        False where the iterations were used up.
-    """
-
-    layers: Layers
-    curve: list[float]
+    layers: Layers  #: For standardised inputs and outputs
+    curve: list[float]  #: Penalised mean squared error, step by step (of the best start)
     n_iter: int
-    validation: list[float]
-    settled: bool
+    validation: list[float]  #: Mean squared error on the validation rows, step by step
+    settled: bool  #: False where the iterations were used up
 
 
 def misfit(layers: Layers, rows: Rows) -> float:
@@ -103,14 +76,9 @@ def misfit(layers: Layers, rows: Rows) -> float:
 class Validation:
     """Keeps the network of least validation loss and tells when to stop.
 
-    Parameters
-    ----------
-    rows : Rows or None
-        None: nothing is validated, only the listener is asked.
-    patience : int
-        Steps without a better one after which it is enough.
-    listener : callable, optional
-        Layers -> whether to stop; asked after every step.
+    ``rows``: None: nothing is validated, only the listener is asked.
+    ``patience``: steps without a better one after which it is enough.
+    ``listener``: layers -> whether to stop; asked after every step.
     """
 
     def __init__(self, rows: Rows | None, patience: int = 1, listener: Callable[[Layers], bool] | None = None):

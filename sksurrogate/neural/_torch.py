@@ -283,10 +283,7 @@ def build_net(
 def train_net(net: Any, X: np.ndarray, Y: np.ndarray, weights: np.ndarray | None, after: Any = None) -> list[float]:
     """Train on (already scaled) rows; ``after(net) -> bool`` is asked after each epoch whether to stop.
 
-    Returns
-    -------
-    list of float
-        Training loss of every epoch.
+    Returns training loss of every epoch.
     """
     import torch
     from skorch.callbacks import Callback

@@ -87,21 +87,11 @@ def asked_priors(
 ) -> dict[str, tuple[float, float]]:
     """(mean, standard deviation) in the unit of the parameter, by name.
 
-    Parameters
-    ----------
-    priors : None or mapping of name to float or (mean, standard deviation)
-        One number is a standard deviation relative to the nominal value, which is then the mean.
-    nominal : mapping of name to float
-        The parameters that a prior may be about.
-    unknown_is : str
-        What is wrong with another name.
+    ``priors``: one number is a standard deviation relative to the nominal value, which is then the mean.
+    ``nominal``: the parameters that a prior may be about.
+    ``unknown_is``: what is wrong with another name.
+    Raises DataError.
 
-    Raises
-    ------
-    DataError
-
-    Examples
-    --------
     >>> asked_priors({"k": 0.05, "c": (1.0, 0.2)}, {"k": -2.0, "c": 0.0})
     {'k': (-2.0, 0.1), 'c': (1.0, 0.2)}
     """

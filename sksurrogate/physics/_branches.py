@@ -40,17 +40,10 @@ class Branches:
     the functions that it calls by name, work on arrays. The answers are those of single points up to rounding. A point that is
     not finite is not asked: its answer is nan.
 
-    Parameters
-    ----------
-    function : callable
-    size : int
-        Components that it returns.
-    vectors : bool, default=False
-        States and inputs are vectors whose entries are points, and the vectors and matrices that numpy makes inside the function hold
-        points too.
+    ``size``: components that it returns.
+    ``vectors``: states and inputs are vectors whose entries are points, and the vectors and matrices that numpy makes
+        inside the function hold points too.
 
-    Examples
-    --------
     >>> def rhs(t, x, u, p):
     ...     return (-math.sqrt(x[0]) if x[0] > 1 else max(u[0], 0.5),)
     >>> Branches(rhs, 1)(0.0, np.array([[4.0, 0.0, 0.0]]), np.array([[0.0, 0.0, 2.0]]), {})[0].tolist()

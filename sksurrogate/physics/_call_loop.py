@@ -31,31 +31,17 @@ class Real(NamedTuple):
 
 
 class Call(NamedTuple):
-    """A call at every point.
+    """A call at every point."""
 
-    Attributes
-    ----------
-    function : int
-        Address of a C function that returns an int: 0 and 1 are success.
-    arguments : sequence of int, Row or Real
-        Integers (a handle, a size, a flag) are the same at every point.
-    when : str
-        Array of bytes, one for each point: no call where it is 0; "" for a call at every point.
-    """
-
-    function: int
-    arguments: Sequence[int | Row | Real]
-    when: str = ""
+    function: int  #: Address of a C function that returns an int: 0 and 1 are success
+    arguments: Sequence[int | Row | Real]  #: Integers (a handle, a size, a flag) are the same at every point
+    when: str = ""  #: Array of bytes, one for each point: no call where it is 0; "" for a call at every point
 
 
 class CallLoop:
     """The same calls at one point after the other.
 
-    Parameters
-    ----------
-    calls : sequence of Call
-    native : bool, default=True
-        Whether machine code is used where it can be had.
+    ``native``: whether machine code is used where it can be had.
     """
 
     def __init__(self, calls: Sequence[Call], native: bool = True):
@@ -86,18 +72,9 @@ class CallLoop:
     def __call__(self, first: int, arrays: dict[str, np.ndarray]) -> tuple[int, int]:
         """Call at the points from the first on, until one fails.
 
-        Parameters
-        ----------
-        first : int
-        arrays : dict of ndarray
-            All that the arguments name, contiguous, (n_points,) or (n_points, width).
-
-        Returns
-        -------
-        point : int
-            That which failed; the number of points where none did.
-        status : int
-            What the function that failed returned.
+        ``arrays``: all that the arguments name, contiguous, (n_points,) or (n_points, width).
+        Returns ``point``: that which failed; the number of points where none did.
+        Returns ``status``: what the function that failed returned.
         """
         n_points = len(next(iter(arrays.values())))
         if self._native is None:

@@ -41,10 +41,7 @@ MANY_POINTS = 64
 class Tape:
     """A function whose instructions are all known, at points.
 
-    Parameters
-    ----------
-    function : casadi.Function
-        Of scalar instructions, with dense inputs and outputs.
+    ``function``: of scalar instructions, with dense inputs and outputs.
     """
 
     def __init__(self, function: Any):

@@ -24,24 +24,13 @@ CONTROLLER = "controller."
 
 @dataclass(frozen=True, eq=False)
 class _Layout:
-    """Who is connected to whom.
-
-    Attributes
-    ----------
-    plant, controller : Plant
-    inputs : tuple of str
-        Of the loop: inputs of the plant that are not driven, then references.
-    driven : tuple of str
-        Inputs of the plant that the controller commands.
-    states : tuple of str
-        Of the plant, then of the controller.
-    """
+    """Who is connected to whom."""
 
     plant: Plant
     controller: Plant
-    inputs: tuple[str, ...]
-    driven: tuple[str, ...]
-    states: tuple[str, ...]
+    inputs: tuple[str, ...]  #: Of the loop: inputs of the plant that are not driven, then references
+    driven: tuple[str, ...]  #: Inputs of the plant that the controller commands
+    states: tuple[str, ...]  #: Of the plant, then of the controller
 
     @property
     def continuous(self) -> bool:

@@ -24,12 +24,9 @@ _LOCATE = 30
 class EventMap:
     """The map from sample to sample of a right-hand side with events, for many points at once.
 
-    Parameters
-    ----------
-    rhs : callable ``rhs(t, x, u, p)``
-    events : sequence of (when, then)
-        ``when(t, x, u, p)`` falls through zero, and the states become ``then(t, x, u, p)``.
-    states : sequence of str
+    ``rhs`` callable ``rhs(t, x, u, p)``.
+    ``events`` sequence of (when, then): ``when(t, x, u, p)`` falls through zero, and the states become ``then(t, x, u,
+        p)``.
     """
 
     def __init__(self, rhs: Callable[..., Any], events: Sequence[tuple[Any, Any]], states: Sequence[str]):

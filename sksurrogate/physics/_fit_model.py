@@ -21,27 +21,14 @@ _POINTS_IN_BLOCK = 8192
 
 @dataclass(frozen=True, eq=False)
 class FitModel:
-    """A plant whose parameters ``names`` are free; theta holds their values.
-
-    Attributes
-    ----------
-    inner : PlantModel
-    names : sequence of str
-    record : Record
-    n_sub : int
-        Substeps a sample; of a stiff plant, how finely its graded steps are cut.
-    scale : ndarray (n_states,)
-        Size of every state.
-    stiff : bool
-        Whether a sample is stepped by the Rosenbrock method in place of Runge-Kutta.
-    """
+    """A plant whose parameters ``names`` are free; theta holds their values."""
 
     inner: PlantModel
     names: Sequence[str]
     record: Record
-    n_sub: int
-    scale: np.ndarray
-    stiff: bool = False
+    n_sub: int  #: Substeps a sample; of a stiff plant, how finely its graded steps are cut
+    scale: np.ndarray  #: (n_states,): size of every state
+    stiff: bool = False  #: Whether a sample is stepped by the Rosenbrock method in place of Runge-Kutta
 
     def __getstate__(self) -> dict[str, Any]:
         """What is laid out again stays behind."""

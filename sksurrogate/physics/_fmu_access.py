@@ -54,27 +54,15 @@ class Question:
 
 @dataclass(frozen=True, eq=False)
 class Access:
-    """What a unit gives.
+    """What a unit gives."""
 
-    Attributes
-    ----------
-    kind : str
-        "ModelExchange" or "CoSimulation".
-    access : {"rhs", "step", "trajectory"}
-    reasons : tuple of str
-        Why it is not finer.
-    signals : Signals or None
-    start : ndarray (n_states,) or None
-        The unit's own initial states.
-    direct : bool
-        Whether outputs depend on the inputs of their own sample. A master of a co-simulation reads them before it sets these.
-    """
-
-    kind: str
-    access: str
-    reasons: tuple[str, ...]
+    kind: str  #: "ModelExchange" or "CoSimulation"
+    access: str  #: {"rhs", "step", "trajectory"}
+    reasons: tuple[str, ...]  #: Why it is not finer
     signals: Signals | None = None
-    start: np.ndarray | None = None
+    start: np.ndarray | None = None  #: (n_states,): the unit's own initial states
+    #: Whether outputs depend on the inputs of their own sample. A master of a co-simulation reads them before it sets
+    #: these.
     direct: bool = False
 
 
@@ -91,17 +79,8 @@ def open_engine(found: Access, question: Question, description: Any) -> Engine:
 def find_access(question: Question, description: Any, through: Through) -> Access:
     """The finest access, or the one that is asked for.
 
-    Parameters
-    ----------
-    question : Question
-    description : model description of FMPy
-    through : callable
-        Runs the unit for co-simulation from its own start.
-
-    Raises
-    ------
-    SimulatorError
-        The access that is asked for is not there; the message says why.
+    ``through``: runs the unit for co-simulation from its own start.
+    Raises SimulatorError where the access that is asked for is not there; the message says why.
     """
     reasons = []
     for kind in ("ModelExchange", "CoSimulation"):

@@ -28,10 +28,6 @@ class EventSteps:
     Every point begins anew: the unit is put back to its start and to the point's time, states, inputs and parameters, and
     settles its discrete states there. What it remembers beyond its continuous states is lost; whether that matters is
     found out before a unit is stepped.
-
-    Parameters
-    ----------
-    unit : ExchangeUnit
     """
 
     def __init__(self, unit: ExchangeUnit):

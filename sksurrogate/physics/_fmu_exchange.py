@@ -45,15 +45,8 @@ class Calls:
 class ExchangeUnit:
     """One instance of a unit for model exchange, put to any point.
 
-    Parameters
-    ----------
-    folder : str
-        Of the unpacked unit.
-    description : model description of FMPy
-    signals : Signals
-    params : sequence of str
-        Names behind ``signals.params``.
-
+    ``folder``: of the unpacked unit.
+    ``params``: names behind ``signals.params``.
     """
 
     def __init__(self, folder: str, description: Any, signals: Signals, params: tuple[str, ...]):

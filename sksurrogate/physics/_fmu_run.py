@@ -17,25 +17,12 @@ def run_whole(
     """Outputs (n_samples, n_outputs) of one run by FMPy; inputs are held by stating each both at its first and just before the
     next sample.
 
-    Parameters
-    ----------
-    unit : OpenUnit
-    path : path
-        As the user gave it.
-    rows : ndarray (n_samples, n_inputs)
-    times : ndarray (n_samples,)
-    dt : float
-        Width of the step behind a single row.
-    values : dict of float
-        Start values by name.
-    inputs, outputs : list of str
-
-    Raises
-    ------
-    SimulationDiverged
-        The unit stopped.
-    SimulatorError
-        It takes no steps of several widths.
+    ``path``: as the user gave it.
+    ``rows`` (n_samples, n_inputs), ``times`` (n_samples,).
+    ``dt``: width of the step behind a single row.
+    ``values``: start values by name.
+    Raises SimulationDiverged where the unit stopped.
+    Raises SimulatorError where it takes no steps of several widths.
     """
     single = len(rows) == 1
     if single:

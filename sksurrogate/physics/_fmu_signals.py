@@ -15,41 +15,20 @@ class Unfit(Exception):
 
 @dataclass(frozen=True, eq=False)
 class Signals:
-    """Signals of a unit by value reference.
+    """Signals of a unit by value reference."""
 
-    Attributes
-    ----------
-    version : {2, 3}
-        Of FMI.
-    states : tuple of str
-        Names of the continuous states in the order that the user gave, else that of the unit.
-    order : ndarray of int (n_states,)
-        Place of each of them in the unit.
-    inputs, outputs, params : ndarray of uint32
-        Value references.
-    state_references : ndarray of uint32 (n_states,)
-        In the order of ``states``.
-    start_inputs : ndarray (n_inputs,)
-        Start values of the inputs.
-    n_indicators : int
-        Event indicators.
-    events : bool
-        Whether the unit has events of its own, or inputs that may only change at one.
-    completes_steps : bool
-        Whether the unit wants to hear of every step that is accepted.
-    """
-
-    version: int
-    states: tuple[str, ...]
-    order: np.ndarray
+    version: int  #: {2, 3}: of FMI
+    states: tuple[str, ...]  #: Names of the continuous states in the order that the user gave, else that of the unit
+    order: np.ndarray  #: int (n_states,): place of each of them in the unit
+    #: inputs, outputs, params: value references
     inputs: np.ndarray
     outputs: np.ndarray
     params: np.ndarray
-    state_references: np.ndarray
-    start_inputs: np.ndarray
-    n_indicators: int
-    events: bool
-    completes_steps: bool
+    state_references: np.ndarray  #: ndarray of uint32 (n_states,): in the order of ``states``
+    start_inputs: np.ndarray  #: (n_inputs,): start values of the inputs
+    n_indicators: int  #: Event indicators
+    events: bool  #: Whether the unit has events of its own, or inputs that may only change at one
+    completes_steps: bool  #: Whether the unit wants to hear of every step that is accepted
 
 
 def read_signals(
@@ -58,19 +37,10 @@ def read_signals(
 ) -> Signals:  # fmt: skip
     """Signals of a unit.
 
-    Parameters
-    ----------
-    description : model description of FMPy
-    kind : {"ModelExchange", "CoSimulation"}
-    inputs, outputs, params : sequence of str
-        Known variables.
-    initial : sequence of str, optional
-        Variables that ``x0`` sets.
-
-    Raises
-    ------
-    Unfit
-        A signal is not a real scalar, the unit names no states, or ``initial`` does not name them.
+    ``kind`` {"ModelExchange", "CoSimulation"}.
+    ``inputs, outputs, params``: known variables.
+    ``initial``: variables that ``x0`` sets.
+    Raises Unfit where a signal is not a real scalar, the unit names no states, or ``initial`` does not name them.
     """
     if not str(description.fmiVersion).startswith(("2", "3")):
         raise Unfit(f"FMI {description.fmiVersion} shows no equations here")

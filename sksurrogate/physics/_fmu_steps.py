@@ -20,14 +20,8 @@ class CoSteps:
     A copy of the state it was instantiated in brings it back where it offers one, else a reset; then time, parameters and
     states are start values, and the unit makes one communication step.
 
-    Parameters
-    ----------
-    folder : str
-        Of the unpacked unit.
-    description : model description of FMPy
-    signals : Signals
-    params : sequence of str
-        Names behind ``signals.params``.
+    ``folder``: of the unpacked unit.
+    ``params``: names behind ``signals.params``.
     """
 
     def __init__(self, folder: str, description: Any, signals: Signals, params: tuple[str, ...]):

@@ -19,13 +19,8 @@ UNMOVED = 1e-6
 class _WithForces:
     """A function of a simulator with further ports, which takes what enters there as rows behind the inputs.
 
-    Parameters
-    ----------
-    function : callable (t, x, u, p, ..., forces)
-    n_inputs : int
-    places : list of int
-        Of the ports behind the inputs, among those that the simulator offers.
-    n_offered : int
+    ``function`` callable (t, x, u, p, ..., forces).
+    ``places``: of the ports behind the inputs, among those that the simulator offers.
     """
 
     def __init__(self, function: Callable[..., Any], n_inputs: int, places: Sequence[int], n_offered: int):
@@ -52,10 +47,8 @@ def wired(plant: Plant) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
 def check_forces(plant: Plant, u: np.ndarray) -> None:
     """Ask the functions of a simulator with further ports for forces at these, at its initial state and inputs ``u`` (n_inputs,).
 
-    Raises
-    ------
-    SimulatorError
-        One does not take forces as its last argument, or gives something else for forces of 0 than without them.
+    Raises SimulatorError where one does not take forces as its last argument, or gives something else for forces of 0
+        than without them.
     """
     offered = offered_ports(plant.simulator)
     for what in (plant.access, "output") if plant.further_ports else ():

@@ -63,26 +63,15 @@ def free_run(
 ) -> np.ndarray:
     """States of runs of equal length.
 
-    Parameters
-    ----------
-    derivative : callable (t, x, u) -> dx/dt on arrays (n, n_runs)
-    U : ndarray (n_runs, n_samples, n_inputs)
-    X0 : ndarray (n_runs, n_states)
-    t : ndarray (n_samples,)
-    order : {0, 1}
-        Hold.
-    method : str
-        "auto", "RK4", or a method of :func:`scipy.integrate.solve_ivp`.
-    many : bool, default=False
-        Whether many points cost little more than one: then long runs are closed by Newton's method, window by window.
-    n_sub : int, optional
-        With "auto" and "RK4": this many substeps a sample ("auto": unless the run becomes infinite or nan with them);
-        None: as many as the local error asks for.
-
-    Returns
-    -------
-    ndarray (n_runs, n_samples, n_states)
-        Not finite from where a run diverges.
+    ``derivative`` (t, x, u) -> dx/dt on arrays (n, n_runs), ``U`` (n_runs, n_samples, n_inputs), ``X0`` (n_runs,
+        n_states), ``t`` (n_samples,).
+    ``order`` {0, 1}: hold.
+    ``method``: "auto", "RK4", or a method of :func:`scipy.integrate.solve_ivp`.
+    ``many``: whether many points cost little more than one: then long runs are closed by Newton's method, window by
+        window.
+    ``n_sub``: with "auto" and "RK4": this many substeps a sample ("auto": unless the run becomes infinite or nan with
+        them); None: as many as the local error asks for.
+    Returns (n_runs, n_samples, n_states): not finite from where a run diverges.
     """
     if X0.shape[1] == 0:
         return np.zeros((len(U), len(t), 0))

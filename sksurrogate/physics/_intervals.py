@@ -15,23 +15,12 @@ _WEAK = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Knowledge:
-    """Uncertainty of k parameters.
+    """Uncertainty of k parameters."""
 
-    Attributes
-    ----------
-    covariance : ndarray (k, k)
-        nan where the data do not fix all of them.
-    width : ndarray (k,)
-        Half width of the interval; inf where the data do not fix the parameter.
-    loose : ndarray of bool (k,)
-    null : ndarray (n, k)
-        Directions, in units of ``unit``, that leave the outputs as they are.
-    """
-
-    covariance: np.ndarray
-    width: np.ndarray
-    loose: np.ndarray
-    null: np.ndarray
+    covariance: np.ndarray  #: (k, k): nan where the data do not fix all of them
+    width: np.ndarray  #: (k,): half width of the interval; inf where the data do not fix the parameter
+    loose: np.ndarray  #: bool (k,)
+    null: np.ndarray  #: (n, k): directions, in units of ``unit``, that leave the outputs as they are
 
 
 def known(

@@ -31,22 +31,11 @@ def linear_parts(
 ) -> LinearParts:
     """Matrices of a linear right-hand side, read off at unit vectors and checked at probes.
 
-    Parameters
-    ----------
-    derivative : callable (t, x, u) -> dx/dt on arrays (n, n_points)
-    x0 : ndarray (n_states,)
-    u : ndarray (n_inputs,)
-        Largest inputs.
-    t : ndarray (n_samples,)
-    states : sequence of str
+    ``derivative`` (t, x, u) -> dx/dt on arrays (n, n_points), ``x0`` (n_states,).
+    ``u`` (n_inputs,): largest inputs.
+    ``t`` (n_samples,).
+    Raises SimulatorError where a probe leaves the linear law: the message says where.
 
-    Raises
-    ------
-    SimulatorError
-        A probe leaves the linear law: the message says where.
-
-    Examples
-    --------
     >>> import numpy as np
     >>> from sksurrogate.physics._linear import linear_parts
     >>> linear_parts(lambda t, x, u: -2 * x + u + 1, np.zeros(1), np.ones(1), np.zeros(2), ["x"]).A

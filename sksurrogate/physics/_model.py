@@ -23,10 +23,7 @@ class PlantModel:
     t and every varied parameter (n_points,). Where a simulator offers further ports, ``u`` may have a row for each of them
     behind the inputs: the force that enters there.
 
-    Parameters
-    ----------
-    plant : Plant
-        With access "rhs" or "step".
+    ``plant``: with access "rhs" or "step".
     """
 
     def __init__(self, plant: Plant):

@@ -24,17 +24,8 @@ def not_finite_along(inner: PlantModel, record: Record, labels: Sequence[object]
 
     Measured states are as measured, others as at the simulator's start.
 
-    Parameters
-    ----------
-    inner : PlantModel
-    record : Record
-    labels : sequence, optional
-        What the user calls the runs, None the one of a single run; their numbers by default.
-
-    Returns
-    -------
-    str
-        Empty where every step is finite.
+    ``labels``: what the user calls the runs, None the one of a single run; their numbers by default.
+    Returns str: empty where every step is finite.
     """
     plant = inner.plant
     starts = np.repeat(plant.x0[None], len(record.starts), axis=0)

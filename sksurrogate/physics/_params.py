@@ -12,13 +12,8 @@ from sksurrogate.physics._simulator import BaseSimulator
 def numbers_of(params: Any) -> dict[str, float]:
     """Parameters as numbers.
 
-    Raises
-    ------
-    SimulatorError
-        ``params`` is no dict, or a value is no number.
+    Raises SimulatorError: ``params`` is no dict, or a value is no number.
 
-    Examples
-    --------
     >>> numbers_of({"k": "2"}), numbers_of(None)
     ({'k': 2.0}, {})
     """

@@ -19,19 +19,12 @@ ROUNDS = 5
 
 @dataclass(frozen=True, eq=False)
 class Prior:
-    """Normal priors of k parameters.
+    """Normal priors of k parameters."""
 
-    Attributes
-    ----------
-    mean, sd : ndarray (k,)
-        In the units of the parameters; sd is inf where there is none.
-    noise : float, default=1
-        Size of what a fit leaves, in units of the assumed noise.
-    """
-
+    #: mean, sd: (k,): in the units of the parameters; sd is inf where there is none
     mean: np.ndarray
     sd: np.ndarray
-    noise: float = 1.0
+    noise: float = 1.0  #: Size of what a fit leaves, in units of the assumed noise
 
     @classmethod
     def of(cls, priors: Mapping[str, tuple[float, float]], names: Sequence[str]) -> Prior:

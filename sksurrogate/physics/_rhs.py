@@ -47,20 +47,13 @@ class PointwiseFunction:
     one warning that shows how to vectorise it. The function
     sees arrays that cannot be written; one that wants to write is handed copies, with one warning.
 
-    Parameters
-    ----------
-    function : callable
-    size : int
-        Components it must return.
-    what : str
-        How the message calls it: "rhs", "output" or "step".
-    names : sequence of str
-        Names of the components.
-    input_range : ndarray (2, n_inputs), optional
-        Least and largest recorded inputs, of a function that has answered at such: its probe stays within them, and every exception
-        refuses a point; else those that arithmetic raises do, and others are mistakes in it.
-    raised : dict, optional
-        Takes up all that it raises at points that it refuses.
+    ``size``: components it must return.
+    ``what``: how the message calls it: "rhs", "output" or "step".
+    ``names``: names of the components.
+    ``input_range`` (2, n_inputs): least and largest recorded inputs, of a function that has answered at such: its probe
+        stays within them, and every exception refuses a point; else those that arithmetic raises do, and others are
+        mistakes in it.
+    ``raised``: takes up all that it raises at points that it refuses.
     """
 
     def __init__(
@@ -90,10 +83,7 @@ class PointwiseFunction:
     def probe(self, t: float, x: np.ndarray, u: np.ndarray, p: Mapping[str, Any], *extra: Any) -> None:
         """Decide how to call the function, at points around ``x`` (n_states,), ``u`` (n_inputs,).
 
-        Raises
-        ------
-        SimulatorError
-            It raises, or returns the wrong number of components.
+        Raises SimulatorError where it raises, or returns the wrong number of components.
         """
         if self.vectorised is not None or self.size == 0:
             self.vectorised = True if self.vectorised is None else self.vectorised

@@ -183,22 +183,9 @@ def describe(
 ) -> Plant:
     """Read a simulator: access, names, parameters.
 
-    Parameters
-    ----------
-    simulator : object with ``simulate``
-    n_inputs, n_outputs : int, optional
-        Columns of the data, for simulators that do not name their signals.
-    dt : float, optional
-        Sample time for simulators that have none.
-
-    Returns
-    -------
-    Plant
-
-    Raises
-    ------
-    SimulatorError
-        There is no ``simulate``, or names and data do not fit.
+    ``n_inputs, n_outputs``: columns of the data, for simulators that do not name their signals.
+    ``dt``: sample time for simulators that have none.
+    Raises SimulatorError where there is no ``simulate``, or names and data do not fit.
     """
     if not callable(getattr(simulator, "simulate", None)):
         raise SimulatorError(

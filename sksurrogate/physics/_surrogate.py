@@ -20,19 +20,11 @@ _PASSING_PROBES = 5
 
 
 class _Wiring(NamedTuple):
-    """A model as a graph, and what its states hold.
-
-    Attributes
-    ----------
-    graph : Graph
-    passed : tuple of int
-        States that hold what another state or an input was a sample ago.
-    start : ndarray (n_states,)
-    """
+    """A model as a graph, and what its states hold."""
 
     graph: Graph
-    passed: tuple[int, ...]
-    start: np.ndarray
+    passed: tuple[int, ...]  #: States that hold what another state or an input was a sample ago
+    start: np.ndarray  #: (n_states,)
 
 
 class SurrogateSimulator(InnerRunsMixin, BaseSimulator):

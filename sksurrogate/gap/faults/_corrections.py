@@ -180,12 +180,8 @@ def white_deviation(runs: Sequence[np.ndarray]) -> float:
 
     A signal that only moves fast (a walk, steps) has increments that know nothing of each other.
 
-    References
-    ----------
-    Roll (1984), A simple implicit measure of the effective bid-ask spread in an efficient market.
+    See Roll (1984), A simple implicit measure of the effective bid-ask spread in an efficient market.
 
-    Examples
-    --------
     >>> rng = np.random.default_rng(0)
     >>> slow, noise = np.sin(np.arange(5000) / 100.0), 0.1 * rng.normal(size=5000)
     >>> bool(abs(white_deviation([slow + noise]) - 0.1) < 0.005), bool(white_deviation([np.cumsum(noise)]) < 0.03)

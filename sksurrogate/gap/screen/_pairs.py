@@ -91,8 +91,6 @@ def with_columns(screen: Screen, kept: Sequence[int]) -> Screen:
 def paired(keys: Sequence[Any], drops: Sequence[float], most: int = MOST_PAIRED) -> list[int]:
     """Places of the best starting values of every effect, as many of each as leave ``most`` in all, one at least.
 
-    Examples
-    --------
     >>> paired(["lag", "lag", "lag", "loss", "lag"], [1.0, 4.0, 3.0, 0.5, 2.0], most=3)
     [1, 2, 3]
     """

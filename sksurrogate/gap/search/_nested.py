@@ -52,8 +52,6 @@ def related(one: BaseEffect, other: BaseEffect) -> bool:
 def of_one_law(one: BaseEffect, other: BaseEffect) -> bool:
     """Whether two effects are forms of one law: related, or friction that remembers a motion by its position and by its speed.
 
-    Examples
-    --------
     >>> from sksurrogate.effects import CATALOGUE
     >>> loop, bristles, loss = (
     ...     CATALOGUE[name]("v", of) for name, of in (("hysteresis", "y"), ("lugre_friction", "v"), ("linear_loss", "y"))
