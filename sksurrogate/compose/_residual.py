@@ -13,7 +13,7 @@ from sksurrogate.compose._residual_fit import Pieces, cut, features, levenberg_m
 from sksurrogate.compose._skip_net import SkipNet, merged
 
 #: Steps of a piece that is run freely while the nets learn.
-LONGEST_PIECE = 200
+LONGEST_STRETCH = 200
 #: Work of one Levenberg-Marquardt step, rows * parameters^2; more rows than this allows are thinned.
 WORK = 6e7
 
@@ -73,7 +73,7 @@ class FreeRunResidual(BaseEstimator):
         pupils = [r for r in everything if r not in judges] or everything
 
         def pieces(chosen: list[int]) -> Pieces:
-            return cut([known[r] for r in chosen], [deviation[r] for r in chosen], n_lags, LONGEST_PIECE, most)
+            return cut([known[r] for r in chosen], [deviation[r] for r in chosen], n_lags, LONGEST_STRETCH, most)
 
         taught, judged, whole = pieces(pupils), pieces(judges), pieces(everything)
         ranked = []
@@ -98,7 +98,7 @@ class FreeRunResidual(BaseEstimator):
         """Go on from the fitted maps with other, usually more, runs."""
         size = self.members_[0].theta.size
         most = int(np.clip(WORK / (self.n_outputs_ * size**2), 300, 2000))
-        whole = cut(known, deviation, self.n_lags_, LONGEST_PIECE, most)
+        whole = cut(known, deviation, self.n_lags_, LONGEST_STRETCH, most)
         nets = [self._learn(n, whole, p, q, self.max_iter) for n, (p, q) in zip(self.members_, self._penalties)]
         self._settle(nets, whole)
         return self

@@ -43,7 +43,7 @@ from sksurrogate.physics._simulator import Plant
 from sksurrogate.runs import Runs
 
 #: Seconds of a call from which some thousand calls take several minutes.
-SLOW = 0.1
+SLOW_CALL = 0.1
 
 
 class Settings(Protocol):
@@ -123,9 +123,9 @@ def begin_trajectory(diagnoser: Settings, task: Task) -> DiagnosisPipeline[Traje
 
 
 def _say_slow(model: PlantModel, record: Record) -> None:
-    """Warn where one call takes :data:`SLOW` seconds, before minutes go by."""
+    """Warn where one call takes :data:`SLOW_CALL` seconds, before minutes go by."""
     seconds = model.seconds_of_a_call(record.u[:, record.starts])
-    if seconds > SLOW:
+    if seconds > SLOW_CALL:
         warnings.warn(
             f"One call of the simulator's {model.plant.access} takes {seconds:.1f} s, and a diagnosis makes some thousand calls; the "
             "comparison of the simulator with the data, some hundred calls, is finished whatever time_limit says. Let it take many "

@@ -10,9 +10,8 @@ import pytest
 from sksurrogate.effects import CATALOGUE
 from sksurrogate.gap import GapDiagnoser
 from sksurrogate.gap.decide import _posterior
-from sksurrogate.gap.decide._contenders import Contender, preferred
+from sksurrogate.gap.decide._contenders import Contender, log_prior, preferred
 from sksurrogate.gap.decide._posterior import Posterior, _of_classes, needed_only
-from sksurrogate.gap.search._name_prior import log_prior
 from sksurrogate.physics import ODESimulator
 
 

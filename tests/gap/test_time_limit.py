@@ -156,7 +156,7 @@ def test_lines_go_to_a_file_and_a_bar_to_a_terminal(monkeypatch, capsys):
 
 
 def test_a_call_that_takes_long_is_said_before_minutes_go_by(data, monkeypatch):
-    monkeypatch.setattr(_begin, "SLOW", 0.0)
+    monkeypatch.setattr(_begin, "SLOW_CALL", 0.0)
     with pytest.warns(
         RuntimeWarning, match=r"One call of the simulator's rhs takes 0\.0 s.*Let it take many points at once"
     ):

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
+from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.gap.fit._closeness import AT_THE_NOISE, FAR, MOST_LEFT, SETTLED
 from sksurrogate.gap.fit._evidence import Evidence, estimate_noise
 from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.results._next_experiment import NATS_THAT_SETTLE
-from sksurrogate.gap.search._name_prior import log_prior
 from sksurrogate.gap.search._ode_search import OdeSearch
 from sksurrogate.gap.unnamed._law_evidence import LawBeside, law_beside
 from sksurrogate.kernels.disturbance import Noise
@@ -20,6 +20,20 @@ from sksurrogate.kernels.disturbance import Noise
 UNNAMED = 0.02
 #: Sets that are compared beside a law: at most so many.
 MOST_OTHERS = 6
+
+
+def log_prior(effects: Sequence[BaseEffect], library: Sequence[BaseEffect], positions: Collection[str] = ()) -> float:
+    """Log prior probability of a set of names out of a library: the product of their shares of all weights.
+
+    ``positions``: states that are integrals of others.
+
+    >>> from sksurrogate.effects import CATALOGUE
+    >>> friction, hysteresis = (CATALOGUE[name]("speed", "speed") for name in ("coulomb_friction", "hysteresis"))
+    >>> round(float(np.exp(log_prior([hysteresis], [friction, hysteresis]))), 3)  # 0.1 against 1
+    0.091
+    """
+    total = sum(effect.prior_weight(positions) for effect in library)
+    return float(sum(np.log(effect.prior_weight(positions) / total) for effect in effects))
 
 
 class Contender(NamedTuple):

@@ -30,7 +30,7 @@ MOST_OF_NOISE = 0.5
 #: Draws of the noise on an input, of which mean and spread of what it moves are known to a quarter.
 DRAWS = 8
 #: Looks at what is left of a fault beside a model that was fitted without it: each halves an error of the first or more.
-ROUNDS = 3
+LOOKS = 3
 #: Faults beside a model that are followed with a noise of their own.
 FOLLOWED = 4
 
@@ -285,7 +285,7 @@ class _Fit:
     def settled(self, proposal: Proposal, fault: BaseFault | None) -> tuple[BaseFault | None, BaseCandidate | None]:
         """The fault with what is left of it once the model is fitted without it, and that model."""
         again = None if fault is None else self.model.refitted(fault.corrected(self.model.problem.record))
-        for _ in range(ROUNDS):
+        for _ in range(LOOKS):
             if fault is None or again is None or proposal.rest is None:
                 break
             left = proposal.rest(again.problem.record, again.fit.y)

@@ -20,7 +20,7 @@ class _Kind(NamedTuple):
     name: str = ""  #: What such a part is called; an effect has a name of its own
 
 
-_KINDS = {
+_LOOKS = {
     "effect": _Kind("#", ("#0072b2", "#009e73", "#cc79a7")),
     "re-tuning": _Kind("=", ("#56b4e9",), "re-tuned parameters"),
     "unnamed law": _Kind("?", ("#e69f00",), "a law without a name"),
@@ -53,9 +53,9 @@ def budget_lines(budget: Table, width: int) -> list[str]:
     room = max(width - 30, 10)
     ends = np.round(np.cumsum([row["share"] for row in rows]) * room).astype(int)
     counts = np.diff(ends, prepend=0)
-    bar = "".join(_KINDS[row["kind"]].letter * int(count) for row, count in zip(rows, counts))
+    bar = "".join(_LOOKS[row["kind"]].letter * int(count) for row, count in zip(rows, counts))
     lines = ["Budget of the gap (shares of its power on held-out runs, 90 %)", f"  [{bar:<{room}}]"]
-    return lines + [f"  {_KINDS[row['kind']].letter} {_percent(row)} {part_name(row)}" for row in rows]
+    return lines + [f"  {_LOOKS[row['kind']].letter} {_percent(row)} {part_name(row)}" for row in rows]
 
 
 def fills(rows: Sequence[Mapping[str, Any]]) -> list[str]:
@@ -64,7 +64,7 @@ def fills(rows: Sequence[Mapping[str, Any]]) -> list[str]:
     >>> fills([{"kind": "effect"}, {"kind": "effect"}, {"kind": "disturbance"}])
     ['#0072b2', '#009e73', '#bbbbbb']
     """
-    fills_of = {kind: itertools.cycle(look.fills) for kind, look in _KINDS.items()}
+    fills_of = {kind: itertools.cycle(look.fills) for kind, look in _LOOKS.items()}
     return [next(fills_of[row["kind"]]) for row in rows]
 
 
@@ -103,8 +103,8 @@ def part_name(row: Mapping[str, Any]) -> str:
     """
     if str(row["part"]).startswith("law: "):
         return "the law of the missing term"
-    if _KINDS[row["kind"]].name:
-        return _KINDS[row["kind"]].name
+    if _LOOKS[row["kind"]].name:
+        return _LOOKS[row["kind"]].name
     name, _, place = str(row["part"]).partition(" at ")
     own = next((p for p in [place[: (len(place) - 4) // 2]] if place == f"{p} in {p}"), place)
     where, driven, by = own.partition(" in ")
