@@ -5,13 +5,22 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from sklearn.utils.validation import validate_data
+from sklearn.utils.validation import _check_feature_names, _check_n_features, validate_data
 
 from sksurrogate._tables import unmasked
 from sksurrogate.exceptions import DataError
 from sksurrogate.kernels.rows import RowSource
 
 _NOT_GIVEN = "no_validation"
+
+
+def is_checked_frame(estimator: Any, X: Any, reset: bool) -> bool:
+    """Whether X is a frame, whose columns are then those of the fit: what it holds is read run by run."""
+    if not hasattr(X, "columns"):
+        return False
+    _check_feature_names(estimator, X, reset=reset)
+    _check_n_features(estimator, X, reset=reset)
+    return True
 
 
 def checked(estimator: Any, X: Any, y: Any = _NOT_GIVEN, **checks: Any) -> Any:

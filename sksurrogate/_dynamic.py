@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from sklearn.base import RegressorMixin
 from sklearn.metrics import r2_score
-from sklearn.utils.validation import _check_feature_names, _check_n_features, check_is_fitted
+from sklearn.utils.validation import check_is_fitted
 
-from sksurrogate._checks import checked
+from sksurrogate._checks import checked, is_checked_frame
 from sksurrogate._domain import DOUBTFUL, Domain
 from sksurrogate.exceptions import DataError, SimulationDiverged
 from sksurrogate.runs import Run, Runs, resolve_runs
@@ -215,11 +215,9 @@ class FreeRunMixin(RegressorMixin, ABC):
             raise DataError(
                 f"X is a list of {len(X)} runs: stack them, X, y, groups = stack_runs(X, y), and hand over groups."
             )
-        if y is None and type(X) is np.ndarray and X.dtype == float and X.shape[1:] == (getattr(self, "_width", 0),):
+        plain = y is None and type(X) is np.ndarray and X.dtype == float
+        if (plain and X.shape[1:] == (getattr(self, "_width", 0),)) or is_checked_frame(self, X, reset):
             pass  # all that scikit-learn would look at; resolve_runs looks at the values
-        elif hasattr(X, "columns"):
-            _check_feature_names(self, X, reset=reset)
-            _check_n_features(self, X, reset=reset)
         elif y is None or groups is not None:
             X = checked(self, X, reset=reset, ensure_all_finite=groups is None, dtype="numeric")
         else:

@@ -10,9 +10,9 @@ import numpy as np
 from sklearn.base import BaseEstimator, RegressorMixin, _fit_context, clone
 from sklearn.metrics import r2_score
 from sklearn.utils._param_validation import Interval, StrOptions
-from sklearn.utils.validation import _check_feature_names, _check_n_features, check_is_fitted
+from sklearn.utils.validation import check_is_fitted
 
-from sksurrogate._checks import checked
+from sksurrogate._checks import checked, is_checked_frame
 from sksurrogate._columns import by_name
 from sksurrogate._domain import Domain
 from sksurrogate._dynamic import lengthened
@@ -318,12 +318,10 @@ class HybridRegressor(RegressorMixin, BaseEstimator):
         X = by_name(X, getattr(self.simulator, "inputs", None), self.run, warn=reset)
         y = by_name(y, getattr(self.simulator, "outputs", None), warn=reset)
         fewest = 0 if getattr(self.simulator, "inputs", None) == [] else 1
-        if hasattr(X, "columns"):
-            _check_feature_names(self, X, reset=reset)
-            _check_n_features(self, X, reset=reset)
-        elif y is None or groups is not None:
+        is_frame = is_checked_frame(self, X, reset)
+        if not is_frame and (y is None or groups is not None):
             X = checked(self, X, reset=reset, ensure_all_finite=False, dtype="numeric", ensure_min_features=fewest)
-        else:
+        elif not is_frame:
             try:
                 X, y = checked(self, X, y, reset=reset, multi_output=True, y_numeric=True, ensure_min_features=fewest)
             except ValueError as error:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Iterator, Sequence
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
 from sklearn.base import BaseEstimator
@@ -17,6 +17,9 @@ from sksurrogate.effects._prior_odds import PriorOdds
 from sksurrogate.effects._smooth import stable
 from sksurrogate.kernels.signals import Signal
 from sksurrogate.physics._simulator import Plant
+
+#: Values of the parameters of an effect, magnitude first, (n_columns, 1) each.
+Theta: TypeAlias = Sequence[np.ndarray]
 
 
 class BaseEffect(PriorOdds, BaseEstimator):
@@ -341,9 +344,7 @@ class InputEffect(BaseEffect):
     linear = False
 
     @abstractmethod
-    def transform(
-        self, u: Signal, v: Signal | None, theta: Sequence[np.ndarray], h: float, starts: np.ndarray
-    ) -> Signal:
+    def transform(self, u: Signal, v: Signal | None, theta: Theta, h: float, starts: np.ndarray) -> Signal:
         """The input that acts.
 
         Parameters
@@ -402,6 +403,6 @@ class SensorEffect(BaseEffect):
         """
         return self.read(y, v, t, theta)
 
-    def follow(self, path: SensorPath, theta: Sequence[np.ndarray], dt: float, starts: np.ndarray) -> SensorPath:
+    def follow(self, path: SensorPath, theta: Theta, dt: float, starts: np.ndarray) -> SensorPath:
         """The reading of a sensor with a memory."""
         return path

@@ -13,7 +13,7 @@ from sksurrogate.effects._smooth import TINY, after, magnitude, sign
 #: Shape; signal; first constant; width over which its kink is rounded; further constants.
 Factor = tuple[Any, ...]
 #: Exponents that are fitted, and arguments of exponentials: beyond them nothing finite is left.
-EXPONENTS, LARGEST_ARGUMENT = (0.1, 8.0), 50.0
+EXPONENT_RANGE, LARGEST_ARGUMENT = (0.1, 8.0), 50.0
 
 
 def _above(v: Any, c: Any, w: float) -> Any:
@@ -83,7 +83,7 @@ SHAPES: dict[str, Shape] = {
     ),
     "power": Shape(
         lambda v, c, w: _power(v, c), "sign({v})*abs({v})^{c}", r"\operatorname{{sign}}({v})\,|{v}|^{{{c}}}",
-        lambda s, v, c, d: s.sign(v) * s.Abs(v) ** c, (EXPONENTS,),
+        lambda s, v, c, d: s.sign(v) * s.Abs(v) ** c, (EXPONENT_RANGE,),
     ),
     "sine": Shape(lambda v, c, w: np.sin(v), "sin({v})", r"\sin({v})", lambda s, v, c, d: s.sin(v)),
     "cosine": Shape(lambda v, c, w: np.cos(v), "cos({v})", r"\cos({v})", lambda s, v, c, d: s.cos(v)),
@@ -140,7 +140,7 @@ SHAPES: dict[str, Shape] = {
     "hill": Shape(
         lambda v, c, w, d: _hill(v, c, d), "{v}^{d}/({c}^{d} + {v}^{d})",
         r"\frac{{{v}^{{{d}}}}}{{{c}^{{{d}}} + {v}^{{{d}}}}}", lambda s, v, c, d: v**d / (c**d + v**d),
-        (_POSITIVE, EXPONENTS),
+        (_POSITIVE, EXPONENT_RANGE),
     ),
     "fading": Shape(
         lambda v, c, w: v / (1.0 + (v / c) ** 2), "{v}/(1 + ({v}/{c})^2)", r"\frac{{{v}}}{{1 + ({v}/{c})^2}}",

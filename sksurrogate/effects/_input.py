@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from sksurrogate.effects._effect import BaseEffect, InputEffect, Parameter, Probe
+from sksurrogate.effects._effect import BaseEffect, InputEffect, Parameter, Probe, Theta
 from sksurrogate.effects._lattice import COARSE, likely_steps
 from sksurrogate.kernels.signals import Signal, delay, lag, play, pointwise, rate_limit
 from sksurrogate.physics._simulator import Plant
@@ -93,9 +93,7 @@ class InputGain(InputEffect):
     twins = ("sensor_gain", "parameter_error", "linear_loss", "input_saturation")
     linear = True
 
-    def transform(
-        self, u: Signal, v: Signal | None, theta: Sequence[np.ndarray], h: float, starts: np.ndarray
-    ) -> Signal:
+    def transform(self, u: Signal, v: Signal | None, theta: Theta, h: float, starts: np.ndarray) -> Signal:
         factor = 1 + theta[0]
         return Signal(factor * u.mean, None if u.half is None else factor * u.half, factor * u.at_samples())
 
@@ -115,9 +113,7 @@ class InputBias(InputEffect):
     twins = ("constant_bias", "sensor_bias", "parameter_error")
     linear = True
 
-    def transform(
-        self, u: Signal, v: Signal | None, theta: Sequence[np.ndarray], h: float, starts: np.ndarray
-    ) -> Signal:
+    def transform(self, u: Signal, v: Signal | None, theta: Theta, h: float, starts: np.ndarray) -> Signal:
         return Signal(u.mean + theta[0], u.half, u.at_samples() + theta[0])
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
@@ -136,9 +132,7 @@ class InputCurve(InputEffect):
     twins = ("input_gain", "input_saturation", "input_dead_zone", "bilinear")
     linear = True
 
-    def transform(
-        self, u: Signal, v: Signal | None, theta: Sequence[np.ndarray], h: float, starts: np.ndarray
-    ) -> Signal:
+    def transform(self, u: Signal, v: Signal | None, theta: Theta, h: float, starts: np.ndarray) -> Signal:
         return pointwise(lambda value: value + theta[0] * value * np.abs(value), u)
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
@@ -163,9 +157,7 @@ class InputCoupling(InputEffect):
         """The other inputs."""
         return tuple(name for name in plant.inputs if name != location)
 
-    def transform(
-        self, u: Signal, v: Signal | None, theta: Sequence[np.ndarray], h: float, starts: np.ndarray
-    ) -> Signal:
+    def transform(self, u: Signal, v: Signal | None, theta: Theta, h: float, starts: np.ndarray) -> Signal:
         assert v is not None
         half = u.half if v.half is None else theta[0] * v.half + (0.0 if u.half is None else u.half)
         return Signal(u.mean + theta[0] * v.mean, half, u.at_samples() + theta[0] * v.at_samples())
@@ -186,9 +178,7 @@ class InputDeadZone(InputEffect):
     signature = "no response to small inputs, a constant lack with large ones"
     twins = ("coulomb_friction", "input_gain", "input_backlash", "input_quantization")
 
-    def transform(
-        self, u: Signal, v: Signal | None, theta: Sequence[np.ndarray], h: float, starts: np.ndarray
-    ) -> Signal:
+    def transform(self, u: Signal, v: Signal | None, theta: Theta, h: float, starts: np.ndarray) -> Signal:
         """``u - clip(u, -c, c)``."""
         width = np.maximum(theta[0], 0.0)
         return pointwise(lambda value: value - np.clip(value, -width, width), u)
@@ -238,9 +228,7 @@ class InputBacklash(RememberingActuator):
     signature = "lag at reversals only, the less the larger the input"
     twins = ("input_delay", "input_lag", "coulomb_friction", "input_dead_zone", "hysteresis")
 
-    def transform(
-        self, u: Signal, v: Signal | None, theta: Sequence[np.ndarray], h: float, starts: np.ndarray
-    ) -> Signal:
+    def transform(self, u: Signal, v: Signal | None, theta: Theta, h: float, starts: np.ndarray) -> Signal:
         """Play."""
         return play(u, np.maximum(theta[0], 0.0), starts, self.before)
 
@@ -260,9 +248,7 @@ class InputSaturation(InputEffect):
     signature = "nothing until the input is large, then a lack that grows with it"
     twins = ("input_gain", "input_curve", "rate_limit", "sensor_saturation", "state_saturation")
 
-    def transform(
-        self, u: Signal, v: Signal | None, theta: Sequence[np.ndarray], h: float, starts: np.ndarray
-    ) -> Signal:
+    def transform(self, u: Signal, v: Signal | None, theta: Theta, h: float, starts: np.ndarray) -> Signal:
         limit = np.maximum(theta[0], 0.0)
         return pointwise(lambda value: np.clip(value, -limit, limit), u)
 
@@ -283,9 +269,7 @@ class RateLimit(RememberingActuator):
     signature = "errors after large moves only, none after small ones"
     twins = ("input_lag", "input_delay", "input_saturation")
 
-    def transform(
-        self, u: Signal, v: Signal | None, theta: Sequence[np.ndarray], h: float, starts: np.ndarray
-    ) -> Signal:
+    def transform(self, u: Signal, v: Signal | None, theta: Theta, h: float, starts: np.ndarray) -> Signal:
         """Ramps towards u."""
         return rate_limit(u, np.maximum(theta[0], 0.0), h, starts, self.before)
 
@@ -312,9 +296,7 @@ class InputQuantization(InputEffect):
     signature = "a saw tooth in the input that never exceeds half a step"
     twins = ("input_dead_zone", "sensor_quantization")
 
-    def transform(
-        self, u: Signal, v: Signal | None, theta: Sequence[np.ndarray], h: float, starts: np.ndarray
-    ) -> Signal:
+    def transform(self, u: Signal, v: Signal | None, theta: Theta, h: float, starts: np.ndarray) -> Signal:
         return pointwise(lambda value: quantize(value, theta[0]), u)
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
@@ -336,9 +318,7 @@ class InputDelay(RememberingActuator):
     signature = "minus the delay times the slope of the response: largest right after edges"
     twins = ("sensor_delay", "input_lag", "sensor_lag", "input_backlash")
 
-    def transform(
-        self, u: Signal, v: Signal | None, theta: Sequence[np.ndarray], h: float, starts: np.ndarray
-    ) -> Signal:
+    def transform(self, u: Signal, v: Signal | None, theta: Theta, h: float, starts: np.ndarray) -> Signal:
         return delay(u, theta[0], h, starts, self.before)
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
@@ -356,9 +336,7 @@ class InputLag(RememberingActuator):
     signature = "errors after edges that die out; fast inputs arrive weaker"
     twins = ("sensor_lag", "input_delay", "sensor_delay", "rate_limit", "parameter_error")
 
-    def transform(
-        self, u: Signal, v: Signal | None, theta: Sequence[np.ndarray], h: float, starts: np.ndarray
-    ) -> Signal:
+    def transform(self, u: Signal, v: Signal | None, theta: Theta, h: float, starts: np.ndarray) -> Signal:
         """First-order lag."""
         return lag(u, theta[0], h, starts, self.before)
 

@@ -7,7 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from sksurrogate.effects._effect import BalanceEffect, BaseEffect, HiddenEffect, InputEffect, Parameter, SensorEffect
+from sksurrogate.effects._effect import (
+    BalanceEffect,
+    BaseEffect,
+    HiddenEffect,
+    InputEffect,
+    Parameter,
+    SensorEffect,
+    Theta,
+)
 from sksurrogate.effects._formula import Term, equation_of
 from sksurrogate.effects._smooth import TINY, follow, stable
 from sksurrogate.kernels.signals import Signal, lag
@@ -238,9 +246,7 @@ class InputLawEffect(_Formula, InputEffect):  # type: ignore[misc, override]
         late = (Parameter("time_constant", 0.0, TINY, unit="time"),) if self.remembers else ()
         return (*self._coefficients(), *self._constants(), *late)
 
-    def transform(
-        self, u: Signal, v: Signal | None, theta: Sequence[np.ndarray], h: float, starts: np.ndarray
-    ) -> Signal:
+    def transform(self, u: Signal, v: Signal | None, theta: Theta, h: float, starts: np.ndarray) -> Signal:
         """``u + f``; exact for held inputs, Simpson's rule within a substep otherwise."""
         given = {str(self.location): u, **({str(self.variable): v} if v is not None else {})}
         if self.remembers:

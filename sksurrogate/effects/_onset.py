@@ -25,6 +25,7 @@ from sksurrogate.effects._effect import (
     Probe,
     SensorEffect,
     SensorPath,
+    Theta,
 )
 from sksurrogate.effects._smooth import after
 from sksurrogate.exceptions import DataError
@@ -193,9 +194,7 @@ class _StartingHidden(_StartingLaw, HiddenEffect):
 
 
 class _StartingInput(Starting, InputEffect):
-    def transform(
-        self, u: Signal, v: Signal | None, theta: Sequence[np.ndarray], h: float, starts: np.ndarray
-    ) -> Signal:
+    def transform(self, u: Signal, v: Signal | None, theta: Theta, h: float, starts: np.ndarray) -> Signal:
         """The input that acts: that of the effect for the share of every substep within the window, else as it is."""
         changed = super().transform(u, v, self.own(theta), h, starts)  # type: ignore[safe-super]
         n_sub, _, n_samples = u.mean.shape
@@ -235,17 +234,15 @@ class _StartingSensor(Starting, SensorEffect):
         step = float(np.median(np.diff(t))) if len(t) > 1 else 0.0
         return np.asarray(self._blend(y, plain, t, theta, step))
 
-    def follow(self, path: SensorPath, theta: Sequence[np.ndarray], dt: float, starts: np.ndarray) -> SensorPath:
+    def follow(self, path: SensorPath, theta: Theta, dt: float, starts: np.ndarray) -> SensorPath:
         """A sensor with a memory, within the window, whose edges are spread over a sample."""
         return self._followed(path, theta, dt, starts, dt)
 
-    def follow_sharp(self, path: SensorPath, theta: Sequence[np.ndarray], dt: float, starts: np.ndarray) -> SensorPath:
+    def follow_sharp(self, path: SensorPath, theta: Theta, dt: float, starts: np.ndarray) -> SensorPath:
         """The same with sharp edges."""
         return self._followed(path, theta, dt, starts, 0.0)
 
-    def _followed(
-        self, path: SensorPath, theta: Sequence[np.ndarray], dt: float, starts: np.ndarray, width: float
-    ) -> SensorPath:
+    def _followed(self, path: SensorPath, theta: Theta, dt: float, starts: np.ndarray, width: float) -> SensorPath:
         changed = super().follow(path, self.own(theta), dt, starts)
         t = self.times(starts, path.y.shape[-1], dt)
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from sksurrogate.effects._effect import Parameter, Probe, SensorEffect, SensorPath
+from sksurrogate.effects._effect import Parameter, Probe, SensorEffect, SensorPath, Theta
 from sksurrogate.effects._input import (
     delays,
     levels_inside,
@@ -76,7 +76,7 @@ class SensorLag(SensorEffect):
     twins = ("input_lag", "sensor_delay", "input_delay", "hidden_relaxation")
     linear = False
 
-    def follow(self, path: SensorPath, theta: Sequence[np.ndarray], dt: float, starts: np.ndarray) -> SensorPath:
+    def follow(self, path: SensorPath, theta: Theta, dt: float, starts: np.ndarray) -> SensorPath:
         """The lag solved exactly along the cubic pieces of the path.
 
         The pieces handed on keep the end values, the slopes before the samples and the means of the exact solution.
@@ -131,7 +131,7 @@ class SensorDelay(SensorEffect):
         super().__init__(location, variable)
         self.earliest = earliest
 
-    def follow(self, path: SensorPath, theta: Sequence[np.ndarray], dt: float, starts: np.ndarray) -> SensorPath:
+    def follow(self, path: SensorPath, theta: Theta, dt: float, starts: np.ndarray) -> SensorPath:
         """The cubic piece in which ``t - c`` lies, exactly there."""
         shift = np.reshape(theta[0], (-1, 1)) / dt
         return SensorPath(*read_between(path.y, path.right, path.left, path.before, shift, dt, starts))

@@ -10,14 +10,9 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 from sklearn.base import BaseEstimator, TransformerMixin, _fit_context
 from sklearn.utils._param_validation import Interval, StrOptions
-from sklearn.utils.validation import (
-    _check_feature_names,
-    _check_feature_names_in,
-    _check_n_features,
-    check_is_fitted,
-)
+from sklearn.utils.validation import _check_feature_names_in, check_is_fitted
 
-from sksurrogate._checks import checked
+from sksurrogate._checks import checked, is_checked_frame
 from sksurrogate.exceptions import DataError
 from sksurrogate.runs import Runs, resolve_runs
 
@@ -184,10 +179,7 @@ class BaseCleaner(TransformerMixin, BaseEstimator, ABC):
 
     def _resolve(self, X: Any, groups: Any, reset: bool) -> Runs:
         """Checks that scikit-learn asks for, then runs."""
-        if hasattr(X, "columns"):
-            _check_feature_names(self, X, reset=reset)
-            _check_n_features(self, X, reset=reset)
-        else:
+        if not is_checked_frame(self, X, reset):
             X = checked(self, X, reset=reset, ensure_all_finite="allow-nan", dtype="numeric")
         runs = resolve_runs(X, groups=groups, run=self.run, allow_nan=True)
         for run in runs:

@@ -10,14 +10,9 @@ from typing import Any
 import numpy as np
 from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.utils._openmp_helpers import _openmp_effective_n_threads
-from sklearn.utils.validation import (
-    _check_feature_names,
-    _check_feature_names_in,
-    _check_n_features,
-    check_is_fitted,
-)
+from sklearn.utils.validation import _check_feature_names_in, check_is_fitted
 
-from sksurrogate._checks import checked
+from sksurrogate._checks import checked, is_checked_frame
 from sksurrogate._lags import lag_terms
 from sksurrogate.exceptions import DataError
 from sksurrogate.runs import Runs, resolve_runs
@@ -245,9 +240,6 @@ class LagEmbedding(TransformerMixin, BaseEstimator):
 
     def _resolve(self, X: Any, groups: Any, reset: bool) -> Any:
         """Checks that scikit-learn asks for, then runs."""
-        if hasattr(X, "columns"):
-            _check_feature_names(self, X, reset=reset)
-            _check_n_features(self, X, reset=reset)
-        else:
+        if not is_checked_frame(self, X, reset):
             X = checked(self, X, reset=reset, ensure_all_finite=False, dtype="numeric")
         return resolve_runs(X, groups=groups, run=self.run)

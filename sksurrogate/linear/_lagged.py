@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 from sklearn.base import BaseEstimator, MultiOutputMixin, RegressorMixin, clone
-from sklearn.utils.validation import _check_feature_names, _check_n_features, check_is_fitted
+from sklearn.utils.validation import check_is_fitted
 
-from sksurrogate._checks import checked
+from sksurrogate._checks import checked, is_checked_frame
 from sksurrogate._lags import lag_terms
 from sksurrogate.exceptions import DataError, RunError
 from sksurrogate.kernels.gram import Moments
@@ -227,9 +227,7 @@ class LaggedLinearRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         if self.missing not in ("error", "drop"):
             raise DataError(f'missing={self.missing!r} must be "error" or "drop".')
         drop = self.missing == "drop"
-        if hasattr(X, "columns"):
-            _check_feature_names(self, X, reset=reset)
-            _check_n_features(self, X, reset=reset)
+        if is_checked_frame(self, X, reset):
             return resolve_runs(X, y, groups=groups, run=self.run, allow_nan=drop)
         checks = {"reset": reset, "ensure_all_finite": groups is None, "dtype": "numeric"}
         if drop:

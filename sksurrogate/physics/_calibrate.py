@@ -13,8 +13,9 @@ from sklearn.base import BaseEstimator, RegressorMixin, _fit_context, clone
 from sklearn.exceptions import ConvergenceWarning, DataConversionWarning
 from sklearn.metrics import r2_score
 from sklearn.utils._param_validation import Interval
-from sklearn.utils.validation import _check_feature_names, _check_n_features, check_is_fitted, validate_data
+from sklearn.utils.validation import check_is_fitted, validate_data
 
+from sksurrogate._checks import is_checked_frame
 from sksurrogate._columns import by_name
 from sksurrogate._stamps import with_rows_in_gaps
 from sksurrogate._tables import no_inputs, without_nan
@@ -305,14 +306,12 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
         X = by_name(X, inputs, [name for name in (self.run, self.time) if name is not None] or None, warn=reset)
         y = by_name(y, getattr(self.simulator, "outputs", None), warn=reset)
         fewest = 0 if inputs is not None and len(inputs) == 0 else 1
-        if hasattr(X, "columns"):
-            _check_feature_names(self, X, reset=reset)
-            _check_n_features(self, X, reset=reset)
-        elif y is None or groups is not None:
+        is_frame = is_checked_frame(self, X, reset)
+        if not is_frame and (y is None or groups is not None):
             X = validate_data(
                 self, X, reset=reset, ensure_all_finite=False, dtype="numeric", ensure_min_features=fewest
             )
-        else:
+        elif not is_frame:
             try:
                 whole = without_nan(y)
                 X, checked = validate_data(
