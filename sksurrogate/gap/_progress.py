@@ -7,8 +7,8 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from types import TracebackType
-from typing import Any
+from importlib.util import find_spec
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -16,6 +16,8 @@ from sksurrogate._parallel._worker_process import one_thread
 
 #: A fault of the record is looked for before this share of a time limit is over: the diagnosis then begins again.
 SOON = 0.3
+#: Shows a message, the share that is done, and an estimate of the remaining seconds, None where it is too early to tell.
+Show: TypeAlias = Callable[[str, float, float | None], None]
 INTERRUPTED = "interrupted: the report holds what was known by then (report_.complete is False)"
 
 
@@ -54,11 +56,11 @@ def remaining_seconds(elapsed: float, done: float) -> float | None:
 class Progress:
     """Share of the work that is done, from the usual shares of the stages; each message within a stage is half of its rest.
 
-    ``show(message, done, remaining seconds or None)``; None shows nothing.
+    ``show``: None shows nothing.
     ``time_limit``: seconds after which nothing remains.
     """
 
-    def __init__(self, show: Callable[[str, float, float | None], None] | None, time_limit: float | None):
+    def __init__(self, show: Show | None, time_limit: float | None):
         self.show, self.time_limit = show, time_limit
         self.started_at = time.perf_counter()
         self.done, self.end = 0.0, 0.0
@@ -79,42 +81,26 @@ class Progress:
         self.done += (self.end - self.done) / 2.0
 
 
-class progress_shown:
+@contextmanager
+def progress_shown(verbose: int) -> Iterator[Show | None]:
     """Where progress is shown while this is entered: a bar of rich on a terminal, else lines on the error stream."""
+    terminal = getattr(sys.stderr, "isatty", lambda: False)()
+    if not (verbose and terminal and find_spec("rich")):
+        yield _line if verbose else None
+        return
+    from rich.console import Console
+    from rich.markup import escape
+    from rich.progress import BarColumn, TaskProgressColumn, TextColumn
+    from rich.progress import Progress as Bar
 
-    def __init__(self, verbose: int):
-        self.verbose = verbose
-        self._bar: Any = None
-        self._task: Any = None
+    columns = TextColumn("[gap]", markup=False), BarColumn(), TaskProgressColumn(), TextColumn("{task.description}")
+    with Bar(*columns, console=Console(file=sys.stderr), transient=True) as bar:
+        task = bar.add_task("", total=1.0)
 
-    def __enter__(self) -> Callable[[str, float, float | None], None] | None:
-        if not self.verbose:
-            return None
-        if not getattr(sys.stderr, "isatty", lambda: False)():
-            return _line
-        try:
-            from rich.console import Console
-            from rich.progress import BarColumn, TaskProgressColumn, TextColumn
-            from rich.progress import Progress as Bar
-        except ImportError:
-            return _line
-        columns = TextColumn("[gap]", markup=False), BarColumn(), TaskProgressColumn(), TextColumn("{task.description}")
-        self._bar = Bar(*columns, console=Console(file=sys.stderr), transient=True)
-        self._bar.start()
-        self._task = self._bar.add_task("", total=1.0)
-        return self._draw
+        def draw(message: str, done: float, remaining: float | None) -> None:
+            bar.update(task, completed=done, description=escape(_with_rest(message, remaining)))
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        if self._bar is not None:
-            self._bar.stop()
-
-    def _draw(self, message: str, done: float, remaining: float | None) -> None:
-        """On the bar."""
-        from rich.markup import escape
-
-        self._bar.update(self._task, completed=done, description=escape(_with_rest(message, remaining)))
+        yield draw
 
 
 def _line(message: str, done: float, remaining: float | None) -> None:

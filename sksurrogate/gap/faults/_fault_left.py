@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from sksurrogate.gap.faults._corrections import BaseFault, Hum, NoisyInput, SlowNoise, smoother_inputs
-from sksurrogate.gap.faults._proposals import WHOLE, Proposal, proposals, tones
+from sksurrogate.gap.faults._proposals import Proposal, proposals, there_whole, tones
 from sksurrogate.gap.fit._backend import BaseCandidate
 from sksurrogate.gap.fit._closeness import SETTLED
 from sksurrogate.gap.fit._evidence import CERTAIN, FEW_STEPS, Evidence, estimate_noise, evidence_threshold
@@ -79,7 +79,7 @@ def fault_left(
     ``alternative()``: what a fault must beat to be taken out; asked for only where one is the reason of what is left.
     """
     null = next(base.candidate for base in bases if not base.effects)
-    smoother = [Proposal(moved[:, None], _smoother(fault)) for fault, moved in smoother_inputs(null)]
+    smoother = [Proposal(moved[:, None], there_whole(fault)) for fault, moved in smoother_inputs(null)]
     seen = _seen(bases, run, smoother)
     followed = [one.fit.followed(one.proposal, one.tried, search) for one in _first(seen, bases, null, smoother)]
     clear = [one for one in followed if one is not None and one.gain > CERTAIN]
@@ -171,12 +171,6 @@ def tone_left(base: Evidence, run: np.ndarray) -> Hum | None:
         if gain > needed and isinstance(fault, Hum):
             found.append((gain, fault))
     return max(found, key=lambda one: one[0])[1] if found else None
-
-
-def _smoother(fault: NoisyInput) -> Callable[[np.ndarray], BaseFault | None]:
-    """A smoother input is there whole, not in part."""
-    low, high = WHOLE
-    return lambda weights: fault if low < weights[0] < high else None
 
 
 def fit_beside(base: Evidence) -> _Fit | None:

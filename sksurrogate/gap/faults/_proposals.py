@@ -136,7 +136,7 @@ def _shifts(record: Record, run: np.ndarray, y: np.ndarray) -> Iterator[Proposal
     seen, of = np.unique(run, return_inverse=True)
     for some in (one, values):
         acts, rest = np.flatnonzero(some[seen]), _rest_of_shifts(some != 0, run)
-        yield Proposal(moved[:, None], _shift_of(some), extra=len(acts), rest=rest, of=of, acts=acts)
+        yield Proposal(moved[:, None], there_whole(Shifts(None, some)), extra=len(acts), rest=rest, of=of, acts=acts)
 
 
 def _rest_of_shifts(where: np.ndarray, run: np.ndarray) -> Callable[[Record, np.ndarray], BaseFault | None]:
@@ -149,14 +149,10 @@ def _rest_of_shifts(where: np.ndarray, run: np.ndarray) -> Callable[[Record, np.
     return rest
 
 
-def _shift_of(values: np.ndarray) -> Callable[[np.ndarray], BaseFault | None]:
-    """Shifts whose columns have weights of about one."""
-
-    def fault(weights: np.ndarray) -> BaseFault | None:
-        low, high = WHOLE
-        return Shifts(None, values) if np.all((weights > low) & (weights < high)) else None
-
-    return fault
+def there_whole(fault: BaseFault) -> Callable[[np.ndarray], BaseFault | None]:
+    """A fault whose columns have weights of about one; None at others."""
+    low, high = WHOLE
+    return lambda weights: fault if np.all((weights > low) & (weights < high)) else None
 
 
 def tone(record: Record, residual: np.ndarray) -> float | None:
