@@ -6,7 +6,8 @@ import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any, Protocol
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from sksurrogate.effects._structure import kinematic_states
 from sksurrogate.exceptions import SimulatorError, SurrogateError
 from sksurrogate.gap._pipeline import DiagnosisPipeline
 from sksurrogate.gap._progress import Progress
+from sksurrogate.gap._state import Settings
 from sksurrogate.gap.decide._unnamed import BaseUnnamed
 from sksurrogate.gap.decide._unnamed_ode import OdeUnnamed
 from sksurrogate.gap.decide._unnamed_trajectory import TrajectoryUnnamed
@@ -46,25 +48,11 @@ from sksurrogate.runs import Runs
 SLOW_CALL = 0.1
 
 
-class Settings(Protocol):
-    """Parameters of a diagnoser, as :class:`~sksurrogate.gap.GapDiagnoser` describes them."""
-
-    simulator: Any
-    effects: Any
-    exclude: Any
-    plausible: Any
-    clock_offset: float
-    tolerance: float
-    correction: Any
-    include_law: bool
-    time_limit: float | None
-    n_jobs: int | None
-
-
 @dataclass(frozen=True, eq=False)
 class Task:
     """What is asked, checked."""
 
+    diagnoser: Settings
     plant: Plant
     runs: Runs
     whole: Record  #: All of the runs
@@ -78,17 +66,23 @@ class Task:
         """Of the runs."""
         return [run.label for run in self.runs]
 
+    @cached_property
+    def effects(self) -> Any:
+        """Candidates as they were asked for."""
+        asked = self.diagnoser.effects
+        return list(asked) if isinstance(asked, Iterator) else asked
 
-def begin_ode(diagnoser: Settings, task: Task) -> DiagnosisPipeline[OdeCandidate]:
+
+def begin_ode(task: Task) -> DiagnosisPipeline[OdeCandidate]:
     """Of a simulator with a right-hand side or a step."""
-    plant, whole, effects = task.plant, task.whole, _asked(diagnoser)
+    plant, whole, diagnoser = task.plant, task.whole, task.diagnoser
     record, rows = excerpt(whole, SEARCHED_SAMPLES)
     model = PlantModel(plant)
     model.probe(record.u[:, 0])
     _say_slow(model, record)
     kinematic = kinematic_states(model)
     balances = tuple(name for name in plant.states if name not in kinematic) or plant.states
-    library = _allowed(_candidates(plant, balances, effects, diagnoser, whole), diagnoser, effects, task)
+    library = _allowed(_candidates(task, balances), task)
     with _right_unit(model, record), finite_along(model, whole, task.labels):
         problem, smoothed = build_problem(plant, model, record, task.free, balances, task.known)
         most = largest_growth(problem.sd, record.spread)
@@ -98,28 +92,28 @@ def begin_ode(diagnoser: Settings, task: Task) -> DiagnosisPipeline[OdeCandidate
             record, rows = excerpt(whole, SEARCHED_SAMPLES)
             problem, smoothed = build_problem(plant, model, record, task.free, balances, task.known)
     fixed, apart = (diagnoser.simulator, plant, model, record, *library), diagnoser.n_jobs is None
-    common = {**_common(diagnoser, task), "second": WorkerProcess(fixed, apart)}
+    common = {**_common(task), "second": WorkerProcess(fixed, apart)}
     later = WorkerProcess(fixed, apart, later=True)
-    late = {e.key: e for e in library if e.late or (effects is None and not _acts_near(e, problem))}
+    late = {e.key: e for e in library if e.late or (task.effects is None and not _acts_near(e, problem))}
     late = late if len(late) < len(library) else {}  # effects that were asked for alone are asked at once
     search = OdeSearch(problem, library, smoothed.x, lost=model.raised, later=later, later_asked=late, **common)
     unnamed = OdeUnnamed(search, task.seed, whole, closed_places(diagnoser.exclude, diagnoser.plausible, plant))
-    return _prepared(diagnoser, task, search, unnamed, rows)
+    return _prepared(task, search, unnamed, rows)
 
 
-def begin_trajectory(diagnoser: Settings, task: Task) -> DiagnosisPipeline[TrajectoryCandidate]:
+def begin_trajectory(task: Task) -> DiagnosisPipeline[TrajectoryCandidate]:
     """Of a simulator with ``simulate`` alone; SimulatorError where none of the effects that were asked for can be tested."""
-    plant, whole, effects = task.plant, task.whole, _asked(diagnoser)
-    wanted = [e for e in _candidates(plant, (), effects, diagnoser, whole) if e.access == "trajectory"]
+    plant, whole, effects = task.plant, task.whole, task.effects
+    wanted = [e for e in _candidates(task, ()) if e.access == "trajectory"]
     _check_asked(plant, effects, wanted)
     with np.errstate(all="ignore"):
         problem = build_trajectory(plant, whole, task.free, task.labels, task.known)
     testable = _testable(problem, wanted)
     _check_asked(plant, effects, testable)
-    library = _allowed(testable, diagnoser, effects, task)
-    search = TrajectorySearch(problem, library, lost=problem.simulations.raised, **_common(diagnoser, task))
+    library = _allowed(testable, task)
+    search = TrajectorySearch(problem, library, lost=problem.simulations.raised, **_common(task))
     unnamed = TrajectoryUnnamed(search, task.seed, only_given=len(testable) < len(wanted))
-    return _prepared(diagnoser, task, search, unnamed, np.arange(whole.n_samples), left_out(effects, testable))
+    return _prepared(task, search, unnamed, np.arange(whole.n_samples), left_out(effects, testable))
 
 
 def _say_slow(model: PlantModel, record: Record) -> None:
@@ -142,19 +136,12 @@ def _acts_near(effect: BaseEffect, problem: OdeBackend) -> bool:
     return effect.kind != "state" or is_near(problem.near, effect.location, drivers)
 
 
-def _asked(diagnoser: Settings) -> Any:
-    """Candidates as they were asked for."""
-    return list(diagnoser.effects) if isinstance(diagnoser.effects, Iterator) else diagnoser.effects
-
-
-def _candidates(
-    plant: Plant, balances: Sequence[str], asked: Any, diagnoser: Settings, record: Record
-) -> list[BaseEffect]:
+def _candidates(task: Task, balances: Sequence[str]) -> list[BaseEffect]:
     """All effects; where clocks may be apart a sensor may be early, and an actuator may have been at rest before a run that begins with a step."""
-    earliest = -float(diagnoser.clock_offset)
-    stepped = {name for name, u in zip(plant.inputs, record.u) if np.any(u[record.starts])}
+    earliest, record = -float(task.diagnoser.clock_offset), task.whole
+    stepped = {name for name, u in zip(task.plant.inputs, record.u) if np.any(u[record.starts])}
     found: list[BaseEffect] = []
-    for one in build_effects(plant, balances, asked):
+    for one in build_effects(task.plant, balances, task.effects):
         if type(one) is SensorDelay and earliest < one.earliest:
             one = SensorDelay(one.location, one.variable, earliest)
         found.append(one)
@@ -163,38 +150,25 @@ def _candidates(
     return found
 
 
-def _allowed(effects: list[BaseEffect], diagnoser: Settings, asked: Any, task: Task) -> list[BaseEffect]:
+def _allowed(effects: list[BaseEffect], task: Task) -> list[BaseEffect]:
     """Effects that neither the user rules out nor inputs that stand still."""
-    library = allowed_effects(effects, diagnoser.exclude, diagnoser.plausible, task.plant)
-    return driven_effects(library, asked, task.plant, task.whole)
+    library = allowed_effects(effects, task.diagnoser.exclude, task.diagnoser.plausible, task.plant)
+    return driven_effects(library, task.effects, task.plant, task.whole)
 
 
-def _common(diagnoser: Settings, task: Task) -> dict[str, Any]:
+def _common(task: Task) -> dict[str, Any]:
     """Options that every search gets."""
+    diagnoser = task.diagnoser
     return {"tolerance": float(diagnoser.tolerance), "n_jobs": diagnoser.n_jobs, "report": task.progress.say}
 
 
 def _prepared(
-    diagnoser: Settings,
-    task: Task,
-    search: BaseSearch[C],
-    unnamed: BaseUnnamed[C],
-    rows: np.ndarray,
-    untestable: Sequence[str] = (),
+    task: Task, search: BaseSearch[C], unnamed: BaseUnnamed[C], rows: np.ndarray, untestable: Sequence[str] = ()
 ) -> DiagnosisPipeline[C]:
     """All stages of a search."""
     n_samples = search.problem.record.n_samples
     task.progress.say(f"{len(search.library)} candidates on {n_samples} samples of {len(task.runs)} run(s)")
-    return DiagnosisPipeline(
-        search,
-        unnamed,
-        task.labels,
-        rows,
-        correction=diagnoser.correction,
-        time_limit=diagnoser.time_limit,
-        include_law=diagnoser.include_law,
-        untestable=untestable,
-    )
+    return DiagnosisPipeline(task.diagnoser, search, unnamed, task.labels, rows, untestable)
 
 
 @contextmanager

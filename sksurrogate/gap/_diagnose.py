@@ -229,7 +229,7 @@ class GapDiagnoser(BaseEstimator):
         whole = Record.from_runs(*parts, plant.dt, offsets, uneven)
         begin = begin_trajectory if plant.access == "trajectory" else begin_ode
         pipeline, report = diagnosed_in_rounds(
-            lambda some, record: begin(self, Task(plant, some, record, free, user_knows, seed, progress)),
+            lambda some, record: begin(Task(self, plant, some, record, free, user_knows, seed, progress)),
             plant,
             runs,
             whole,

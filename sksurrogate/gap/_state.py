@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from typing import Any, Generic
+from typing import Any, Generic, Protocol
 
 import numpy as np
 
@@ -25,15 +25,29 @@ from sksurrogate.gap.results._table import Table
 from sksurrogate.gap.search._base import BaseSearch
 
 
+class Settings(Protocol):
+    """Parameters of a diagnoser, as :class:`~sksurrogate.gap.GapDiagnoser` describes them."""
+
+    simulator: Any
+    effects: Any
+    exclude: Any
+    plausible: Any
+    clock_offset: float
+    tolerance: float
+    correction: Any
+    include_law: bool
+    time_limit: float | None
+    n_jobs: int | None
+
+
 class DiagnosisState(Generic[C]):
     """What the stages share.
 
+    ``settings``: of the diagnoser. A stage that is not over at its share of the ``time_limit`` is cut, and the next ones answer what
+        they can.
     ``unnamed``: what no name answers, as far as the simulator's access allows it.
     ``labels``: of the runs.
     ``rows``: rows of the whole record that the search sees.
-    ``correction``: generic learner of the waterfall.
-    ``time_limit``: seconds; a stage that is not over at its share of them is cut, and the next ones answer what they can.
-    ``include_law``: whether the augmented simulator carries a certified law.
     ``untestable``: effects that were asked for and cannot be tested.
     """
 
@@ -42,24 +56,21 @@ class DiagnosisState(Generic[C]):
 
     def __init__(
         self,
+        settings: Settings,
         search: BaseSearch[C],
         unnamed: BaseUnnamed[C],
         labels: Sequence[Any],
         rows: np.ndarray,
-        *,
-        correction: Any,
-        time_limit: float | None,
-        include_law: bool,
-        untestable: Sequence[str] = (),
+        untestable: Sequence[str],
     ):
         self.problem, self.search, self.unnamed = search.problem, search, unnamed
         self.labels, self.rows = labels, rows
-        self.learner, self.untestable = correction, tuple(untestable)
+        self.learner, self.untestable = settings.correction, tuple(untestable)
         self.posterior = Posterior((), None)
         self.found = PartialResults()
-        self.complete, self.time_limit, self.cut = True, time_limit, dict[str, None]()
+        self.complete, self.time_limit, self.cut = True, settings.time_limit, dict[str, None]()
         self.failed: dict[str, str] = {}
-        self.started_at, self.include_law = time.perf_counter(), bool(include_law)
+        self.started_at, self.include_law = time.perf_counter(), bool(settings.include_law)
         self.experiment: PendingAnswer[NextExperiment | None] | None = None
         self.book: RecordBook | None = None
         self.asked = 0  #: Stages that are over
