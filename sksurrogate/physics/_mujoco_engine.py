@@ -317,7 +317,9 @@ class _Copies:
             known, origin = self.engine.parameters, self.engine.origin
             own = {name: known[name].value for name in self._values[k] if name not in values}
             assign(model, origin, known, {**own, **values})
-            self._set_const(model, self._scratch)
+            if any(known[name].leads for name in (*own, *values)):
+                with _silent():
+                    self._set_const(model, self._scratch)
             self._values[k] = dict(values)
         model.opt.timestep = self.engine.timestep if timestep is None else timestep
         return model

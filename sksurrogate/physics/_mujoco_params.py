@@ -16,6 +16,8 @@ from sksurrogate.physics._mujoco_load import Weight
 _FRICTION = ("friction", "torsional_friction", "rolling_friction")
 #: Quantities of a joint below 0 of which it would make energy, or mass, of nothing.
 _NOT_NEGATIVE = ("damping", "frictionloss", "armature")
+#: Quantities of which ``mj_setConst`` computes others: inertias about the joints, and the acceleration by an actuator.
+_LEADING = ("mass", "load", "armature", "gear")
 
 
 @dataclass(frozen=True)
@@ -49,6 +51,11 @@ class ModelParameter:
     def not_negative(self) -> bool:
         """Whether a value below 0 has no meaning, though a model takes it; one that the model has itself is left to it."""
         return self.quantity in _NOT_NEGATIVE and self.value >= 0.0
+
+    @property
+    def leads(self) -> bool:
+        """Whether other numbers of a model follow from it."""
+        return self.quantity in _LEADING
 
     @property
     def domain(self) -> str:

@@ -8,6 +8,7 @@ from sksurrogate.effects._model import AugmentedModel
 from sksurrogate.gap.fit import _ode
 from sksurrogate.gap.fit._build import build_problem
 from sksurrogate.gap.screen._responses import Responses
+from sksurrogate.gap.screen._screen import screen
 from sksurrogate.kernels import output_error
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics import MuJoCoSimulator
@@ -72,10 +73,11 @@ def test_one_step_tells_what_all_values_of_a_parameter_that_moves_change(
     monkeypatch, responses, name, kind, variable, starts
 ):
     effect, starts = CATALOGUE[kind](name, *([variable] if variable else [])), np.array(starts)
+    assert len(responses.along[0]) == 1  # the force that holds the simulator on the path: once for all effects
     asked, step = [], PlantModel.step
     monkeypatch.setattr(PlantModel, "step", lambda self, *given: asked.append(1) or step(self, *given))
     found, _ = responses.columns(effect, starts)
-    assert len(asked) <= 1
+    assert len(asked) <= 5  # the model's own steps in one sample
     monkeypatch.setattr(AugmentedModel, "may_jump", False)
     alone, _ = responses.columns(effect, starts)
     size = np.abs(alone).max(axis=(0, 2))
@@ -90,3 +92,38 @@ def test_retuning_alone_has_no_more_steps_than_its_folds_where_slopes_are_dear(m
     _, tuned = null.baselines(null.problem.record)
     assert set(most) == {_ode.REFIT_STEPS if steps_itself else _ode.FIT_STEPS}
     assert tuned.fit.theta[0] == pytest.approx(np.log(1.3), abs=0.1)  # the damping, by its ratio
+
+
+SERVO = """<mujoco><option gravity="0 0 0"/><worldbody><body><joint name="hinge" axis="0 1 0" damping="0.01" armature="0.01"/>
+<geom type="capsule" size="0.02" fromto="0 0 0 0 0 -0.2" mass="0.2"/></body></worldbody>
+<actuator><position name="target" joint="hinge" kp="0.5" kv="0.03"/></actuator></mujoco>"""
+
+
+def expected_of_armature(held, **real):
+    """The null, and what the screen expects of an armature beside it; a joint that is held stays at rest."""
+    how = {"outputs": ["hinge.pos"], "dt": 0.01}
+    simulator, plant = (MuJoCoSimulator(SERVO, **how) for _ in range(2))
+    rng, n = np.random.default_rng(1), 200
+    U = np.repeat(rng.uniform(-0.6, 0.6, (3, n // 25, 1)), 25, axis=1)
+    plant.set_params(**{f"params__{name}": value for name, value in real.items()})
+    Y = [(0.0 if held else plant.simulate(u)) + 5e-4 * rng.normal(size=(n, 1)) for u in U]
+    record = Record.from_runs(list(U), Y, [0.01 * np.arange(n)] * 3, 0.01)
+    model = PlantModel(describe(simulator))
+    model.probe(np.zeros(1))
+    problem, smoothed = build_problem(model.plant, model, record, (), ["hinge.vel"])
+    null = problem.fit((), np.zeros(0), smoothed.x)
+    (start,) = screen([CATALOGUE["parameter_error"]("hinge.armature")], null, smoothed.x, None).starts
+    return null.fit, start
+
+
+def test_an_inertia_is_nothing_in_a_joint_that_does_not_move():
+    """The model alone would move: along a path at rest heavier joints would explain why the plant does not."""
+    null, start = expected_of_armature(held=True)
+    assert null.cost > 1e4 and start.white < 0.02 * (start.white + start.left)
+
+
+def test_the_screen_knows_the_size_of_a_wrong_inertia():
+    """To first order in the error, and to any order in the gap: the model is held on the path of the plant."""
+    null, start = expected_of_armature(held=False, **{"hinge.armature": 0.02})
+    assert null.cost > 1e4 and start.left < 0.01 * null.cost
+    assert start.theta[0] == pytest.approx(1.0, abs=0.05)

@@ -24,6 +24,7 @@ from sksurrogate.effects._onset import Starting
 from sksurrogate.effects._parameter import ParameterError, ParameterStep, constant_in_time
 from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.fit._pushes import a_sample_later
+from sksurrogate.gap.screen._held_forces import HeldForce, following
 from sksurrogate.gap.screen._hidden_path import hidden_paths
 from sksurrogate.gap.screen._sticking import slowed, sticks
 from sksurrogate.kernels.banded import solve_recursion
@@ -70,6 +71,25 @@ class Responses:
         """Sensitivities of the free initial states over the noise, (n_outputs, n_states, n_samples)."""
         return np.asarray(self.lin.J_x[:, self.base.model.free_states] / self.problem.sd[:, None, None])
 
+    @cached_property
+    def along(self) -> tuple[tuple[HeldForce, ...], np.ndarray]:
+        """Forces at further ports with which the base goes along the path, and its next states with them.
+
+        A wrong inertia acts on what is missing too: without these forces heavier joints stand for any force that keeps them back.
+        """
+        ports, record, x = self.problem.plant.further_ports, self.problem.record, self.smoothed.x
+        rows = self.problem.rows_of_balances  # forces move positions within the sample too, but along the path at its end only
+        pushes = np.array([self.unit_push(port)[rows] for port in ports])
+        missed = np.zeros((len(rows), record.n_samples))
+        missed[:, :-1] = x[rows, 1:] - self.after[rows, 0, :-1]
+        missed[:, record.starts[1:] - 1] = 0.0
+        if not (len(ports) and np.isfinite(pushes).all() and np.isfinite(missed).all()):
+            return (), self.after
+        forces = following(pushes, missed, self.base.model.scale[rows])
+        held = tuple(HeldForce(port, values) for port, values in zip(ports, forces))
+        model = self.problem.augmented((*self.base.effects, *held))
+        return held, model.bind(self.base.fit.theta[:, None])(x[:, None])
+
     def columns(self, effect: BaseEffect, starts: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:
         """Change of the measured outputs for every start (n_parameters, n_starts): (n_outputs, n_starts, n_samples); trajectories."""
         problem, theta = self.problem, self.theta_with(starts)
@@ -109,12 +129,23 @@ class Responses:
 
     def changed(self, effect: BaseEffect, model: AugmentedModel, starts: np.ndarray, theta: np.ndarray) -> np.ndarray:
         """What an effect that is no force changes in the next states (n_states, n_starts, n_samples): a step of the plant a start."""
-        if isinstance(effect, ParameterStep) and np.ptp(starts[0]) == 0:
-            return self.switched(model, theta)
-        if isinstance(effect, ParameterEffect) and model.may_jump and not constant_in_time(effect):
-            return self.followed(effect, model, starts)
+        if isinstance(effect, ParameterEffect):
+            return self.rewritten(effect, model, starts, theta)
         now = np.repeat(self.smoothed.x[:, None], starts.shape[1], axis=1)
         return np.asarray(model.bind(theta)(now) - self.after)
+
+    def rewritten(
+        self, effect: ParameterEffect, model: AugmentedModel, starts: np.ndarray, theta: np.ndarray
+    ) -> np.ndarray:
+        """What another value of a parameter changes in the next states (n_states, n_starts, n_samples), as the path goes."""
+        held, after = self.along
+        model = self.problem.augmented((*model.effects, *held)) if held else model
+        if isinstance(effect, ParameterStep) and np.ptp(starts[0]) == 0:
+            return self.switched(model, theta)
+        if model.may_jump and not constant_in_time(effect):
+            return self.followed(effect, model, starts)
+        now = np.repeat(self.smoothed.x[:, None], starts.shape[1], axis=1)
+        return np.asarray(model.bind(theta)(now) - after)
 
     def let_stick(self, out: np.ndarray, effect: BalanceEffect, model: AugmentedModel, starts: np.ndarray) -> None:
         """Columns of a friction along a path that sticks, where the sign is that of the noise, from a run that is slowed."""
@@ -190,7 +221,7 @@ class Responses:
         record, place = self.problem.record, self.n_effect + 1
         always = theta[:, :1].copy()
         always[place] = -record.dt - float(np.ptp(record.t))
-        new = (model.bind(always)(self.smoothed.x[:, None]) - self.after)[: self.base.model.n_states]
+        new = (model.bind(always)(self.smoothed.x[:, None]) - self.along[1])[: self.base.model.n_states]
         return new * np.clip((record.t + record.dt - theta[place][:, None]) / record.dt, 0.0, 1.0)
 
     def followed(self, effect: ParameterEffect, model: AugmentedModel, starts: np.ndarray) -> np.ndarray:
@@ -208,10 +239,10 @@ class Responses:
     def unit_error(self, name: str) -> np.ndarray:
         """What a unit of the relative error of a parameter changes in the next states (n_states, n_samples)."""
         if name not in self.errors:
-            error = ParameterError(name)
+            error, (held, after) = ParameterError(name), self.along
             theta = self.base.theta_with(np.array([UNIT_ERROR]))
-            bound = self.problem.augmented((*self.base.effects, error)).bind(theta[:, None])
-            change = (bound(self.smoothed.x[:, None]) - self.after)[:, 0]
+            bound = self.problem.augmented((*self.base.effects, error, *held)).bind(theta[:, None])
+            change = (bound(self.smoothed.x[:, None]) - after)[:, 0]
             self.errors[name] = change / UNIT_ERROR
         return self.errors[name]
 
