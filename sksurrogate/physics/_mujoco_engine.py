@@ -127,7 +127,8 @@ class Engine:
         mujoco = require("mujoco", "mujoco")
         model = copy.copy(self.origin)
         assign(model, self.origin, self.parameters, self.changed(p))
-        mujoco.mj_setConst(model, mujoco.MjData(model))
+        with _silent():
+            mujoco.mj_setConst(model, mujoco.MjData(model))
         return model
 
     # ---- points -----------------------------------------------------------------------------------------------------
@@ -376,7 +377,7 @@ def first_of_equals(columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 @contextmanager
 def _silent() -> Iterator[None]:
-    """MuJoCo writes a file in the working folder for every run that runs away; here it is seen by its clock."""
+    """MuJoCo writes a file in the working folder for a run that runs away, which is seen by its clock, and for an inertia below 0."""
     mujoco = require("mujoco", "mujoco")
     before: Any = mujoco.get_mju_user_warning()
     mujoco.set_mju_user_warning(_unheard)

@@ -78,7 +78,9 @@ class Responses:
         A wrong inertia acts on what is missing too: without these forces heavier joints stand for any force that keeps them back.
         """
         ports, record, x = self.problem.plant.further_ports, self.problem.record, self.smoothed.x
-        rows = self.problem.rows_of_balances  # forces move positions within the sample too, but along the path at its end only
+        rows = (
+            self.problem.rows_of_balances
+        )  # forces move positions within the sample too, but along the path at its end only
         pushes = np.array([self.unit_push(port)[rows] for port in ports])
         missed = np.zeros((len(rows), record.n_samples))
         missed[:, :-1] = x[rows, 1:] - self.after[rows, 0, :-1]
