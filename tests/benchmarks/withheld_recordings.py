@@ -1,15 +1,20 @@
-"""Withheld on real data: the simulator lacks an effect that the literature documents; is it named, and what does it win?"""
+"""Withheld on real data: the simulator lacks an effect that the literature documents; is it named, and what does it win?
+
+Run: ``python tests/benchmarks/withheld_recordings.py FOLDER [--withhold] >> docs/blind_recorded.jsonl``; FOLDER holds the recordings.
+"""
 
 from __future__ import annotations
 
+import json
+import sys
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from documented_terms import documented_curve
 
-from sksurrogate.blind._documented import documented_curve
 from sksurrogate.blind._solve import missing
 from sksurrogate.blind._truths import remaining
 from sksurrogate.datasets import fetch_ball_drops, fetch_cascaded_tanks, fetch_heat_exchanger, fetch_silverbox
@@ -255,3 +260,8 @@ def _fitted_start(simulator: Any, U: np.ndarray, y: np.ndarray) -> float:
     first = [float(y[0, 0]), 0.0]
     fit = least_squares(lambda x0: (simulator.simulate(U, x0=x0) - y).ravel(), first, diff_step=1e-4)
     return float(np.sqrt(np.mean(fit.fun**2)))
+
+
+if __name__ == "__main__":
+    for line in run_recorded(data_home=sys.argv[1], withhold="--withhold" in sys.argv):
+        print(json.dumps(line, default=float))
