@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from sksurrogate.blind._truths import KINDS, NOVEL, Kind, Params, Scene, Term, unit
+from sksurrogate.blind._truths import KINDS, NOVEL, Kind, Params, Scene, Term, scaled, unit
 
 
 def _places(scene: Scene) -> dict[str, Any]:
@@ -58,17 +58,13 @@ def _law(place: str, form: Term, shape: Any, variable: str, equivalents: str, ne
     return Kind(place, size, (), form, variable, needs, tuple(equivalents.split()))
 
 
-def _over(v: Any, p: Params) -> Any:
-    return (v - p["middle"]) / p["scale"]
-
-
 def _added(form: Any) -> Term:
     """What an actuator or a sensor adds to its signal."""
     return lambda t, x, v, w, p, h: x + form(t, x, v, w, p, h)
 
 
 def _tanh(t: Any, x: Any, v: Any, w: Any, p: Params, h: float) -> Any:
-    return p["size"] * np.tanh(_over(v, p)) * w
+    return p["size"] * np.tanh(scaled(v, p)) * w
 
 
 def _sine(t: Any, x: Any, v: Any, w: Any, p: Params, h: float) -> Any:
@@ -76,7 +72,7 @@ def _sine(t: Any, x: Any, v: Any, w: Any, p: Params, h: float) -> Any:
 
 
 def _bell(t: Any, x: Any, v: Any, w: Any, p: Params, h: float) -> Any:
-    return p["size"] * np.exp(-(_over(v, p) ** 2)) * w
+    return p["size"] * np.exp(-(scaled(v, p) ** 2)) * w
 
 
 def _monod(t: Any, x: Any, v: Any, w: Any, p: Params, h: float) -> Any:
@@ -88,9 +84,9 @@ _BALANCE = {
                      "tanh bending clip switch"),
     "law_sine": _law("balance", _sine, _waves, "state", "swing wave sine cosine"),
     "law_bell": _law("balance", _bell, _places, "state", "bell"),
-    "law_gate": _law("balance", lambda t, x, v, w, p, h: p["size"] / (1.0 + np.exp(-2.0 * _over(v, p))), _places, "state",
+    "law_gate": _law("balance", lambda t, x, v, w, p, h: p["size"] / (1.0 + np.exp(-2.0 * scaled(v, p))), _places, "state",
                      "switch tanh"),
-    "law_exponential": _law("balance", lambda t, x, v, w, p, h: p["size"] * np.exp(_over(v, p)), _places, "state", "exp"),
+    "law_exponential": _law("balance", lambda t, x, v, w, p, h: p["size"] * np.exp(scaled(v, p)), _places, "state", "exp"),
     "law_play": _law("balance", lambda t, x, v, w, p, h: p["size"] * np.sign(v) * np.maximum(np.abs(v) - p["scale"], 0.0),
                      _about_zero, "state", "dead_zone", "crossing"),
     "law_fading": _law("balance", lambda t, x, v, w, p, h: p["size"] * v / (1.0 + (v / p["scale"]) ** 2), _half, "state",

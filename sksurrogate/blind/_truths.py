@@ -301,7 +301,7 @@ _PARAMETER = {
 KINDS: dict[str, Kind] = {**_PARAMETER, **_BALANCE, **_LIMIT, **_HIDDEN, **_INPUT, **_SENSOR}
 
 
-def _scaled(v: Any, p: Params) -> Any:
+def scaled(v: Any, p: Params) -> Any:
     return (v - p["middle"]) / p["scale"]
 
 
@@ -311,13 +311,13 @@ def _shape(scene: Scene) -> dict[str, Any]:
 
 #: Effects that no catalogue holds.
 NOVEL: dict[str, Kind] = {
-    "novel_ripple": term(lambda t, x, v, w, p, h: p["size"] * np.sin(4.0 * _scaled(v, p)), "", "state", first="size",
+    "novel_ripple": term(lambda t, x, v, w, p, h: p["size"] * np.sin(4.0 * scaled(v, p)), "", "state", first="size",
                          shape=_shape),
-    "novel_bump": term(lambda t, x, v, w, p, h: p["size"] * np.exp(-3.0 * (_scaled(v, p) - 0.4) ** 2), "", "state",
+    "novel_bump": term(lambda t, x, v, w, p, h: p["size"] * np.exp(-3.0 * (scaled(v, p) - 0.4) ** 2), "", "state",
                        first="size", either=True, shape=_shape),
-    "novel_even_power": term(lambda t, x, v, w, p, h: p["size"] * np.abs(_scaled(v, p)) ** 1.5 * np.cos(3.0 * _scaled(v, p)),
+    "novel_even_power": term(lambda t, x, v, w, p, h: p["size"] * np.abs(scaled(v, p)) ** 1.5 * np.cos(3.0 * scaled(v, p)),
                              "", "state", first="size", either=True, shape=_shape),
-    "novel_gate": term(lambda t, x, v, w, p, h: p["size"] * np.tanh(6.0 * _scaled(v, p)) * np.sin(w * 2.5), "", "gate",
+    "novel_gate": term(lambda t, x, v, w, p, h: p["size"] * np.tanh(6.0 * scaled(v, p)) * np.sin(w * 2.5), "", "gate",
                        first="size", shape=_shape),
 }  # fmt: skip
 

@@ -201,10 +201,6 @@ class CallableSimulator(ParametricSimulator):
         self.x0 = x0
         self.units = units
 
-    def get_params(self, deep: bool = True) -> dict[str, Any]:
-        """Constructor arguments and ``params__<name>``."""
-        return super().get_params(deep=deep)
-
     def __sklearn_clone__(self) -> CallableSimulator:
         """A fitted estimator is data here: a clone keeps it fitted."""
         kept = self.get_params(deep=False)
