@@ -222,7 +222,7 @@ class DynamicsCorrection:
             method = str(getattr(self.simulator, "method", "auto")).replace("exact", "auto")  # terms are not linear
             method = "RK4" if quick and method == "auto" else method
             order = 0 if plant.hold == "zoh" else 1
-            return free_run(rate, U, X0, t, order=order, method=method, states=plant.states, n_sub=self.n_sub)
+            return free_run(rate, U, X0, t, order=order, method=method, n_sub=self.n_sub)
         X = np.empty((*U.shape[:2], X0.shape[1]))
         X[:, 0] = X0
         for k in range(U.shape[1] - 1):

@@ -272,7 +272,7 @@ class OutputCorrection:
             return
         wanted = target + (phi[:, -self.n_outputs :] if self.form == "series" else 0.0)
         wanted = wanted if self.n_outputs > 1 else wanted[:, 0]
-        self.fitted = clone(self.residual) if self.residual is not None else self._chosen(known, deviation, phi, wanted)
+        self.fitted = clone(self.residual) if self.residual is not None else self._chosen(deviation, phi, wanted)
         self.fitted.fit(phi, wanted)
         if self.loss == "shooting" and self.residual is not None and self.form == "output":
             self._shoot(known, deviation)
@@ -302,7 +302,7 @@ class OutputCorrection:
         write_back(self.fitted, net)
         self.net = net
 
-    def _chosen(self, known: list, deviation: list, phi: np.ndarray, wanted: np.ndarray) -> Any:
+    def _chosen(self, deviation: list, phi: np.ndarray, wanted: np.ndarray) -> Any:
         """Ridge on polynomials, degree and penalty chosen on every fourth run."""
         lengths = [len(d) - self.n_lags for d in deviation]
         run_of_row = np.repeat(np.arange(len(lengths)), lengths)

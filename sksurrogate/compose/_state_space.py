@@ -185,7 +185,7 @@ class StateSpaceRegressor(FreeRunMixin, BaseEstimator):
             fit, self.alpha_ = fit_networks(
                 model, linear, U, Y, alpha=self.alpha, max_iter=self.max_iter, n_starts=self.n_starts, rng=rng
             )
-        self._store(model, fit, runs, U, Y)
+        self._store(model, fit, U, Y)
         U, n = [self._scaled_u(run.X) for run in runs], self.n_initial_
         first = np.stack([(lengthened(run.y[:n], n) - self.y_mean_) / self.y_spread_ for run in runs])
         self._watch_training_runs(runs, self._outputs(self._start(U, first), U), STEADY_STATES)
@@ -273,7 +273,7 @@ class StateSpaceRegressor(FreeRunMixin, BaseEstimator):
     def _scaled_u(self, U: np.ndarray) -> np.ndarray:
         return (U - self.u_mean_) / self.u_spread_
 
-    def _store(self, model: StateModel, fit: StateFit, runs: Runs, U: list[np.ndarray], Y: list[np.ndarray]) -> None:
+    def _store(self, model: StateModel, fit: StateFit, U: list[np.ndarray], Y: list[np.ndarray]) -> None:
         """Everything that is learned."""
         self.model_, self.theta_, self.x0_, self.n_iter_ = model, fit.theta, fit.x0, max(fit.n_iter, 1)
         W, _ = model.f.parts(fit.theta[: model.f.size])[:2]

@@ -57,7 +57,6 @@ def free_run(
     *,
     order: int,
     method: str,
-    states: tuple[str, ...],
     many: bool = False,
     n_sub: int | None = None,
 ) -> np.ndarray:

@@ -69,10 +69,8 @@ def exact_run(
 ) -> np.ndarray:
     """States (n_runs, n_samples, n_states) of runs of equal length, by the matrix exponential.
 
-    ``derivative`` (n, n_points).
-    ``U`` (n_runs, n_samples, n_inputs).
-    ``X0`` (n_runs, n_states).
-    ``t`` (n_samples,).
+    ``derivative``: of arrays (n, n_points).
+    ``U`` (n_runs, n_samples, n_inputs), ``X0`` (n_runs, n_states), ``t`` (n_samples,).
     ``order``: hold.
     """
     if X0.shape[1] == 0:

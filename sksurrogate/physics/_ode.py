@@ -286,12 +286,10 @@ class ODESimulator(ParametricSimulator):
             raise_if_diverged(X, times, self._names("states"), said=model.refusal)
             return X, times, model
         order = 0 if self.hold == "zoh" else 1
-        states = self._names("states")
         if self.method == "exact":
-            X = exact_run(model.derivative, U, X0, times, order=order, states=states)
+            X = exact_run(model.derivative, U, X0, times, order=order, states=self._names("states"))
         else:
-            many = model.takes_many
-            X = free_run(model.derivative, U, X0, times, order=order, method=self.method, states=states, many=many)
+            X = free_run(model.derivative, U, X0, times, order=order, method=self.method, many=model.takes_many)
         raise_if_diverged(X, times, self._names("states"), said=model.refusal)
         return X, times, model
 
