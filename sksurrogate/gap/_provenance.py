@@ -37,25 +37,13 @@ OTHER_SETTINGS = (
 def with_provenance(report: GapReport, diagnoser: Any, final: BaseCandidate, n_runs: int, n_rows: int) -> GapReport:
     """The report with its sentence, its provenance, the nominal parameters, the units and the ranges of the signals."""
     plant = final.problem.plant
-    known = replace(
-        report,
-        units=units_in(plant),
-        nominal={name: float(value) for name, value in plant.params.items() if isinstance(value, Real)},
-        ranges=_ranges(final.signals),
-        provenance=provenance_of(diagnoser, plant, n_runs, n_rows, final.problem.free),
-    )
-    return replace(known, sentence=sentence_of(known))
-
-
-def provenance_of(diagnoser: Any, plant: Plant, n_runs: int, n_rows: int, free: tuple[str, ...]) -> Provenance:
-    """Where the report of this diagnoser comes from."""
-    return Provenance(
+    provenance = Provenance(
         simulator=type(plant.simulator).__name__,
         access=plant.access,
         n_runs=n_runs,
         n_rows=n_rows,
         dt=plant.dt,
-        free=free,
+        free=final.problem.free,
         effects=_asked(diagnoser.effects),
         seed=str(diagnoser.random_state),
         include_law=bool(diagnoser.include_law),
@@ -63,6 +51,14 @@ def provenance_of(diagnoser: Any, plant: Plant, n_runs: int, n_rows: int, free: 
         version=_version(),
         date=datetime.now().astimezone().isoformat(timespec="seconds"),
     )
+    known = replace(
+        report,
+        units=units_in(plant),
+        nominal={name: float(value) for name, value in plant.params.items() if isinstance(value, Real)},
+        ranges=_ranges(final.signals),
+        provenance=provenance,
+    )
+    return replace(known, sentence=sentence_of(known))
 
 
 def _ranges(signals: Mapping[str, np.ndarray]) -> dict[str, tuple[float, float]]:

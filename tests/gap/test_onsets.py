@@ -1,6 +1,5 @@
 """Effects that begin within the runs are named with their onset; effects that are always there are not given one."""
 
-from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -75,14 +74,12 @@ def screen_of(columns, residual, n_runs=2):
     ages = np.tile(np.arange(n), n_runs)
     names = ["linear_loss", "quadratic_drag", "coulomb_friction"]
     starts = [
-        Start(
-            CATALOGUE[name]("v", "v"), np.array([1.0]), float((c @ residual) ** 2 / (c @ c)), 0.0, 0.0, np.zeros((1, 1))
-        )
-        for name, c in zip(names, columns)
+        Start(CATALOGUE[name]("v", "v"), np.ones(1), gain, 0.0, 0.0, np.zeros((1, 1)), raw=np.ones(1))
+        for name, gain in zip(names, [float((c @ residual) ** 2 / (c @ c)) for c in columns])
     ]
     open_ends = np.full(len(columns), -np.inf), np.full(len(columns), np.inf)
     return Screen(
-        starts, [], np.asarray(columns, np.float32)[:, None], residual[None, None], 0.5 ** ages[None, None].astype(float),
+        starts, np.asarray(columns, np.float32)[:, None], residual[None, None], 0.5 ** ages[None, None].astype(float),
         np.zeros(0), np.zeros(0), n * np.arange(n_runs), *open_ends, np.zeros(4),
     ), np.full(n_runs, n)  # fmt: skip
 
@@ -119,7 +116,6 @@ def test_what_moves_the_outputs_as_an_effect_in_a_window_does_so_in_its_window(s
     loss, other = rng.normal(size=(2, 400))
     screen, _ = screen_of([loss, 2.0 * loss, other], loss)
     bounds = [8.0, 11.0][: len(span)]
-    screen = replace(screen, raw=[np.ones(1)] * 3)
     found = twins_with_onset(screen, starting(CATALOGUE["linear_loss"]("v", "v"), span), np.array([0.6, *bounds]))
     [(effect, values)] = found
     assert effect.key == ("quadratic_drag", "v", "v", "-".join(span))

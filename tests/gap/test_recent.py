@@ -48,13 +48,14 @@ def screen_of(seed=0, n=30, n_samples=60):
     names = ["constant_bias", "linear_loss", "coulomb_friction", "quadratic_drag", "cubic_stiffness", "gravity_tilt"]
     effects = [CATALOGUE[name]("x", None if name == "constant_bias" else "x") for name in names]
     columns = rng.normal(size=(n, 1, n_samples)).astype(np.float32)
-    starts = [Start(effects[k % len(effects)], np.ones(1), 0.0, 0.0, 0.0, np.zeros((1, n_samples))) for k in range(n)]
+    path = np.zeros((1, n_samples))
+    starts = [Start(effects[k % 6], np.ones(1), 0.0, 0.0, 0.0, path, raw=np.ones(1)) for k in range(n)]
     known = rng.normal(size=(2, 1, n_samples))
     known[0] += columns[3] - 2.0 * columns[10]
     open_ends = np.full(n, -np.inf), np.full(n, np.inf)
     J_x = rng.normal(size=(1, 2, n_samples))
     rest = np.array([0.1]), np.array([0.02]), np.array([0, 25])
-    return Screen(starts, [np.ones(1)] * n, columns, known, J_x, *rest, *open_ends, np.zeros(4))
+    return Screen(starts, columns, known, J_x, *rest, *open_ends, np.zeros(4))
 
 
 def test_products_of_columns_are_those_of_the_whole_gram():
@@ -79,7 +80,7 @@ def test_the_pair_that_makes_the_residual_is_the_best():
 
 def test_two_that_cancel_are_seen_beside_another_effect():
     screen = screen_of()
-    base = replace(screen, starts=[], raw=[], columns=None, known=screen.known.copy())
+    base = replace(screen, starts=[], columns=None, known=screen.known.copy())
     base.known[0] = 5.0 * (screen.columns[4] - screen.columns[13]) + 0.1 * screen.columns[0]
     taken = {screen.starts[0].effect.key}
     first, second, drop = best_pairs(beside(screen, base, taken), 3)[0]
@@ -93,7 +94,7 @@ def test_two_that_cancel_are_seen_beside_another_effect():
 
 def test_a_base_whose_path_left_the_finite_numbers_has_no_pairs_and_ends_no_search():
     screen = screen_of()
-    broken = replace(screen, starts=[], raw=[], columns=None, known=np.full_like(screen.known, np.nan))
+    broken = replace(screen, starts=[], columns=None, known=np.full_like(screen.known, np.nan))
     assert best_pairs(beside(screen, broken, ()), 3) == []
 
 

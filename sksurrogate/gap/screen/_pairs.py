@@ -70,7 +70,7 @@ def beside(screen: Screen, base: Screen, taken: Collection[Any]) -> Screen:
     if screen.columns is None:
         return screen
     kept = with_columns(screen, [k for k, start in enumerate(screen.starts) if start.effect.key not in taken])
-    return replace(base, starts=kept.starts, raw=kept.raw, columns=kept.columns, low=kept.low, high=kept.high)
+    return replace(base, starts=kept.starts, columns=kept.columns, low=kept.low, high=kept.high)
 
 
 def with_columns(screen: Screen, kept: Sequence[int]) -> Screen:
@@ -81,7 +81,6 @@ def with_columns(screen: Screen, kept: Sequence[int]) -> Screen:
     return replace(
         screen,
         starts=[screen.starts[k] for k in kept],
-        raw=[screen.raw[k] for k in kept],
         columns=screen.columns[kept],
         low=screen.low[kept],
         high=screen.high[kept],
@@ -149,7 +148,7 @@ class _Columns:
 
 def _at(screen: Screen, k: int, amplitude: float) -> Start:
     """The start of one column with the amplitude that it has in the pair."""
-    start, theta = screen.starts[k], screen.raw[k].copy()
+    start, theta = screen.starts[k], screen.starts[k].raw.copy()
     if len(theta) and (grows(start.effect) or amplitude < 0.5):
         theta = grown(start.effect, theta, amplitude)
     return replace(start, theta=theta)

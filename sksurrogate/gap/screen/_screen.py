@@ -8,7 +8,7 @@ what a column then explains is its score, once for white noise and once for the 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -58,6 +58,7 @@ class Start:
     path: np.ndarray  #: (n_states, n_samples): smoothed trajectory of the base
     evident: bool = False  #: Whether the measurements show it whatever the model says
     hidden: np.ndarray | None = None  #: (n_hidden, n_samples): states of the effect's own along it
+    raw: np.ndarray = field(default_factory=lambda: np.zeros(0))  #: Values at which its column was computed
 
     @property
     def x(self) -> np.ndarray:
@@ -70,7 +71,6 @@ class Screen:
     """What one linearisation says about all candidates."""
 
     starts: list[Start]  #: One for each candidate and starting value
-    raw: list[np.ndarray]  #: Starting values whose columns the Gram holds
     #: (n_starts, n_outputs, n_samples): the columns over the noise, where they are not too large to keep
     columns: np.ndarray | None
     #: (1 + n_theta, n_outputs, n_samples): the residual and the sensitivities of the fitted parameters, over the noise
@@ -123,8 +123,8 @@ def screen(
             return _joined_blocks(s, [])
         chosen = None
         if first is not None and first.columns is not None:
-            thetas = [start.effect for start in first.starts], first.raw
-            chosen = shortlist(*thetas, first.columns, first.low, first.high, s)
+            effects, raw = [start.effect for start in first.starts], [start.raw for start in first.starts]
+            chosen = shortlist(effects, raw, first.columns, first.low, first.high, s)
         at_once = len(candidates) if chosen is not None else _at_once(s)
         parts = [candidates[a : a + at_once] for a in range(0, len(candidates), max(at_once, 1))]
         most = max(int(MOST_NUMBERS_KEPT / len(candidates) / s.known[0].size), 1) if len(parts) > 1 else None
@@ -142,7 +142,6 @@ class _Block:
     """Candidates scored together."""
 
     starts: list[Start]
-    raw: list[np.ndarray]  #: Starting values of the columns
     flat: np.ndarray  #: (n_columns, n_values): columns over the noise
     moved: np.ndarray  #: (n_columns, n_bases): what the initial states can make of them
     cross: np.ndarray  #: (n_theta, n_columns): products with the sensitivities of the fitted parameters
@@ -156,8 +155,7 @@ class _Block:
         """Some of the columns, in single precision."""
         sides = self.moved[chosen], self.cross[:, chosen]
         numbers = (part[chosen] for part in (self.g, self.h, self.low, self.high))
-        starts, raw = ([one[k] for k in chosen] for one in (self.starts, self.raw))
-        return _Block(starts, raw, self.flat[chosen].astype(np.float32), *sides, *numbers)
+        return _Block([self.starts[k] for k in chosen], self.flat[chosen].astype(np.float32), *sides, *numbers)
 
 
 def _block(s: Responses, columns: list[Column], noise: Noise | None, most: int | None = None) -> _Block:
@@ -193,7 +191,7 @@ def _block(s: Responses, columns: list[Column], noise: Noise | None, most: int |
 
     forced = _forced(s, whole, few, noise, (precision, pull, low, high))
     starts = _starts(columns, s.smoothed.x, among, drop, amplitude, forced)
-    block = _Block(starts, [c.theta for c in columns], flat, moved, rows[1:, few:], g, h, low, high)
+    block = _Block(starts, flat, moved, rows[1:, few:], g, h, low, high)
     return block if most is None else block.of(_best_of_each(starts, most))
 
 
@@ -216,7 +214,7 @@ def _joined_blocks(s: Responses, blocks: list[_Block]) -> Screen:
     precision, pull = base.step_prior
     rest = known, s.J_x, precision, pull, s.problem.record.starts
     if not blocks:
-        return Screen([], [], None, *rest, *2 * (np.zeros(0),), np.full(1 + MOST_TOGETHER, base.fit.cost))
+        return Screen([], None, *rest, *2 * (np.zeros(0),), np.full(1 + MOST_TOGETHER, base.fit.cost))
     few = len(known)
     white = project_starts(known, s.J_x, s.problem.record.starts).reshape(few, -1)
     G = white @ white.T
@@ -235,8 +233,7 @@ def _joined_blocks(s: Responses, blocks: list[_Block]) -> Screen:
     if not base.effects and len(places) * known[0].size <= MOST_NUMBERS_KEPT:
         kept = np.empty((len(places), *known.shape[1:]), np.float32)
         np.concatenate([one.flat for one in blocks], out=kept.reshape(len(places), -1), casting="same_kind")
-    starts, raw = ([one for block in blocks for one in getattr(block, name)] for name in ("starts", "raw"))
-    return Screen(starts, raw, kept, *rest, low, high, left_by)
+    return Screen([start for block in blocks for start in block.starts], kept, *rest, low, high, left_by)
 
 
 def _forced(s: Responses, whole: np.ndarray, few: int, noise: Noise | None, rest: tuple[np.ndarray, ...]) -> np.ndarray:
@@ -272,7 +269,7 @@ def _starts(
             pulled = max(gained * float(forced[k] / max(drop[k], 1e-9)), 0.0)
         elif (grows(c.effect) or small[k]) and len(theta) and not c.evident:
             theta = grown(c.effect, theta, amplitude[k])
-        out.append(Start(c.effect, theta, gained, pulled, total - gained, path, c.evident, c.hidden))
+        out.append(Start(c.effect, theta, gained, pulled, total - gained, path, c.evident, c.hidden, c.theta))
     return out
 
 

@@ -91,13 +91,26 @@ class Expander(SetSearch[OdeCandidate]):
     def base_and_screen(
         self, base: OdeCandidate, among: Sequence[BaseEffect] | None = None, thorough: bool = True
     ) -> tuple[OdeCandidate, Screen]:
-        """The base with the numerics of the search, and its screen."""
+        """The base with the numerics of the search, and its screen; one of all candidates is made once."""
         taken = set(base.keys)
         library = [e for e in (self.asked if among is None else among) if e.key not in taken]
         if remembers_enough(base.effects):
             library = [e for e in library if not isinstance(e, HiddenEffect)]
         guess, noise, base = self.guess(base), self.noise_of(base), self.as_searched(base)
-        return base, self.screened(library, base, noise, guess, among is None, thorough)
+        if among is not None:
+            return base, screen(library, base, guess, noise, second=self.second)
+        near = bool(base.effects) and (base.fit.cost < OUT_OF_SIGHT * self.n_values or not thorough)
+        key = (base.keys, base.problem.numerics, noise is None, near)
+        cost, known = self.screens.get(key, (np.inf, None))
+        if known is None or abs(base.fit.cost - cost) > SAME_BASE * cost:
+            first = self.first_screen if near else None
+            known = screen(library, base, guess, noise, first=first, second=self.second)
+            self.screens[key] = base.fit.cost, known
+            for old in [k for k in self.screens if k[0]][:-MOST_SCREENS]:
+                del self.screens[old]
+        if not base.effects and self.first_screen is None:
+            self.first_screen = known
+        return base, known
 
     def from_nominal(self, wanted: Wanted) -> list[OdeCandidate]:
         """Single effects fitted from nominal parameters: from re-tuned ones that imitate an effect none leads back."""
@@ -157,31 +170,6 @@ class Expander(SetSearch[OdeCandidate]):
         found = self.fit_all(base, best_starts(starts, MOST_SIBLINGS, 0, self.n_values), best)
         self.remember(found)
         return found
-
-    def screened(
-        self,
-        library: Sequence[BaseEffect],
-        base: OdeCandidate,
-        noise: Noise | None,
-        guess: np.ndarray,
-        whole: bool,
-        thorough: bool,
-    ) -> Screen:
-        """The screen of a base; one of all candidates is made once."""
-        if not whole:
-            return screen(library, base, guess, noise, second=self.second)
-        near = bool(base.effects) and (base.fit.cost < OUT_OF_SIGHT * self.n_values or not thorough)
-        key = (base.keys, base.problem.numerics, noise is None, near)
-        cost, known = self.screens.get(key, (np.inf, None))
-        if known is None or abs(base.fit.cost - cost) > SAME_BASE * cost:
-            first = self.first_screen if near else None
-            known = screen(library, base, guess, noise, first=first, second=self.second)
-            self.screens[key] = base.fit.cost, known
-            for old in [k for k in self.screens if k[0]][:-MOST_SCREENS]:
-                del self.screens[old]
-        if not base.effects and self.first_screen is None:
-            self.first_screen = known
-        return known
 
     def expected(self) -> dict[Any, float]:
         out: dict[Any, float] = {}

@@ -124,13 +124,13 @@ def twins_with_onset(screen: Screen, effect: BaseEffect, theta: np.ndarray) -> l
     if not always or not able:
         return []
     flat = screen.columns[[always[0], *able]].reshape(1 + len(able), -1)  # initial states hide what was always there
-    moved, columns = flat[0] * (theta[0] / screen.raw[always[0]][0]), flat[1:]
+    moved, columns = flat[0] * (theta[0] / screen.starts[always[0]].raw[0]), flat[1:]
     product, size = columns @ moved, np.maximum(np.linalg.norm(columns, axis=1), 1e-300)
     cosine = np.abs(product) / (size * max(float(np.linalg.norm(moved)), 1e-300))
     found = {}
     for j in np.flatnonzero(cosine > COLLINEAR):
-        one = screen.starts[able[j]].effect
-        values = grown(one, screen.raw[able[j]], product[j] / size[j] ** 2)
+        one, raw = screen.starts[able[j]].effect, screen.starts[able[j]].raw
+        values = grown(one, raw, product[j] / size[j] ** 2)
         found[one.key] = starting(one, span), np.r_[values, theta[1:]]
     return list(found.values())
 
