@@ -1,4 +1,4 @@
-"""How a diagnosis begins: noise, sizes, substeps and the smoothed trajectory of the simulator alone."""
+"""What candidates are fitted to: a simulator over a record, with noise, sizes, substeps and the smoothed trajectory of it alone."""
 
 from __future__ import annotations
 
