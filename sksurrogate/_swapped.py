@@ -14,7 +14,7 @@ from sksurrogate.kernels.clock import TimeIsUp, check_time, time_until
 #: Rows of the first run that are compared; signals up to which every pair is tried.
 ROWS, MOST_COMPARED_SIGNALS = 1500, 8
 #: Seconds after which nothing is said of a simulator that is slow.
-LONGEST = 5.0
+LONGEST_COMPARISON = 5.0
 #: A simulator that misses less than this (RMS over deviation) has its columns in order.
 IN_ORDER = 0.3
 #: A swap is suspected when it leaves less than this share of the error.
@@ -30,7 +30,7 @@ def swapped_columns(
     ``y`` (n_samples, n_outputs): one run.
     """
     try:
-        with time_until(time.perf_counter() + LONGEST):
+        with time_until(time.perf_counter() + LONGEST_COMPARISON):
             return _swapped(simulator, X[:ROWS], y[:ROWS], inputs, outputs)
     except TimeIsUp:
         return []

@@ -218,7 +218,7 @@ def test_a_slow_simulator_is_not_simulated_for_its_columns(monkeypatch):
         time.sleep(0.02)
         return (u[0] - x[0],)
 
-    monkeypatch.setattr(_swapped, "LONGEST", 0.02)
+    monkeypatch.setattr(_swapped, "LONGEST_COMPARISON", 0.02)
     plant = ODESimulator(slow, states=["a"], inputs=["u"], outputs=["a"], params={}, dt=0.1)
     U = np.random.default_rng(0).normal(size=(300, 1))
     assert swapped_columns(plant, U, U, ["u"], ["a"]) == [] and len(calls) < 300

@@ -277,14 +277,14 @@ def _asked(arm: str, seed: int, names: Sequence[str], limit: float) -> list[dict
     case = draw(arm, seed)
     found = []
     for name in names:
-        solver = _SOLVERS.setdefault(name, Solver(_path(name), limit))
+        solver = _BASELINE_SOLVERS.setdefault(name, Solver(_path(name), limit))
         row = score(case, solver.ask(case.question), oracle=False)
         found.append({**row, "diagnosis": _path(name)})
     return found
 
 
 #: Answering processes of a worker.
-_SOLVERS: dict[str, Solver] = {}
+_BASELINE_SOLVERS: dict[str, Solver] = {}
 
 
 def main(argv: Sequence[str] | None = None) -> int:

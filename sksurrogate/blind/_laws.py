@@ -79,7 +79,7 @@ def _monod(t: Any, x: Any, v: Any, w: Any, p: Params, h: float) -> Any:
     return p["size"] * v / (p["scale"] + v) * w
 
 
-_BALANCE = {
+_IN_BALANCES = {
     "law_tanh": _law("balance", lambda t, x, v, w, p, h: p["size"] * np.tanh(v / p["scale"]), _about_zero, "state",
                      "tanh bending clip switch"),
     "law_sine": _law("balance", _sine, _waves, "state", "swing wave sine cosine"),
@@ -115,10 +115,10 @@ _WIDER = {
 }  # fmt: skip
 
 #: Name -> family.
-WITHHELD: dict[str, Kind] = {**_BALANCE, **_SIGNALS, **_WIDER}
+WITHHELD: dict[str, Kind] = {**_IN_BALANCES, **_SIGNALS, **_WIDER}
 #: Groups with the share of the cases that each takes.
 GROUPS: tuple[tuple[tuple[str, ...], float], ...] = (
-    (tuple(_BALANCE), 0.5),
+    (tuple(_IN_BALANCES), 0.5),
     (tuple(_SIGNALS), 0.25),
     (tuple(_WIDER), 0.25),
 )

@@ -13,7 +13,7 @@ from sksurrogate.blind._march import march
 from sksurrogate.exceptions import SurrogateError
 
 #: Share of the readings that are lost, samples from one reading of a slow sensor to the next.
-LOST, SLOW = 0.2, 5
+LOST_SHARE, SLOW = 0.2, 5
 #: Moments of a sample at which it may be taken: stamps jitter by one of them, a fifth of a sample.
 MOMENTS = 5
 
@@ -42,7 +42,7 @@ def _complete(case: Case, rng: np.random.Generator) -> Case:
 def _missing(case: Case, rng: np.random.Generator) -> Case:
     """One reading in five is lost."""
     y = case.question.y
-    return replace(case, question=replace(case.question, y=np.where(rng.random(y.shape) < LOST, np.nan, y)))
+    return replace(case, question=replace(case.question, y=np.where(rng.random(y.shape) < LOST_SHARE, np.nan, y)))
 
 
 def _two_rates(case: Case, rng: np.random.Generator) -> Case:

@@ -12,7 +12,7 @@ import numpy as np
 
 from sksurrogate.blind._cases import ATTEMPTS, Question
 from sksurrogate.blind._linkage import LINKAGE_ANSWERS, linkage_case
-from sksurrogate.blind._robots import ANSWERS, INEXACT, robot_case
+from sksurrogate.blind._robots import ANSWERS, INEXACT_ANSWERS, robot_case
 from sksurrogate.exceptions import SurrogateError
 from sksurrogate.physics import MuJoCoSimulator
 
@@ -94,7 +94,7 @@ def _robot(rng: np.random.Generator, arm: str, seed: int) -> RobotCase | None:
         "plant": f"robot {len(robot.joints)}", "excitation": moved, "sensors": "gravity" if robot.gravity else "flat",
         "truths": truths,
     }  # fmt: skip
-    return _case(rng, arm, seed, simulator, drawn, answers, kind in INEXACT, facts)
+    return _case(rng, arm, seed, simulator, drawn, answers, kind in INEXACT_ANSWERS, facts)
 
 
 def _linkage(rng: np.random.Generator, arm: str, seed: int) -> RobotCase | None:

@@ -43,7 +43,7 @@ ANSWERS: dict[str, tuple[tuple[str, str], ...]] = {
     "cogging": (),
 }
 #: Kinds whose form is not the catalogue's: a partial explanation by the right name is right.
-INEXACT = ("load_friction", "stribeck")
+INEXACT_ANSWERS = ("load_friction", "stribeck")
 
 
 def real_runs(robot: RobotSpec, truth: RobotTruth | None, U: np.ndarray, X0: np.ndarray) -> np.ndarray:

@@ -10,7 +10,7 @@ import numpy as np
 from sksurrogate.kernels.net import Net
 
 #: Activations that the kernels know.
-_KNOWN = ("identity", "tanh", "logistic", "relu")
+_KINDS_OF_LAYERS = ("identity", "tanh", "logistic", "relu")
 
 
 @dataclass(frozen=True)
@@ -140,7 +140,7 @@ def _layers(model: Any) -> tuple[list[np.ndarray], list[np.ndarray], tuple[str, 
         last = getattr(model, "out_activation_", "identity")  # MLPRegressor; FNNRegressor names every layer's
         every = getattr(model, "activations_", None) or (*(model.activation,) * (len(weights) - 1), last)
         kinds = tuple(every[:-1])
-        if len(every) != len(weights) or every[-1] != "identity" or not all(kind in _KNOWN for kind in kinds):
+        if len(every) != len(weights) or every[-1] != "identity" or not all(kind in _KINDS_OF_LAYERS for kind in kinds):
             return None
         return weights, [np.asarray(b, dtype=float) for b in model.intercepts_], kinds
     if not hasattr(model, "coef_") or not hasattr(model, "intercept_") or getattr(model, "features_", None) is not None:

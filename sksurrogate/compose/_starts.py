@@ -19,7 +19,7 @@ HIDDEN_START_STEPS = 3
 #: simulator misses, which is the correction's part.
 MOST_OF_ERROR = 0.5
 #: Places along the runs where the error of a few rows is measured.
-PLACES = 64
+MOST_START_ROWS = 64
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,7 +163,7 @@ def _error_of_rows(
 ) -> np.ndarray:
     """RMS error (n_outputs,) of ``n_rows`` rows simulated from states along the path."""
     every = [(r, k) for r, y in enumerate(measured) for k in range(len(y) - n_rows)]
-    chosen = [every[i] for i in np.unique(np.linspace(0, len(every) - 1, PLACES).astype(int))]
+    chosen = [every[i] for i in np.unique(np.linspace(0, len(every) - 1, MOST_START_ROWS).astype(int))]
     U = np.stack([inputs[r][k : k + n_rows] for r, k in chosen])
     X0 = np.stack([path[:, starts[r] + k] for r, k in chosen])
     error = runs_from(simulator, U, X0) - np.stack([measured[r][k : k + n_rows] for r, k in chosen])

@@ -19,7 +19,7 @@ from sksurrogate.export._describe import to_graph
 from sksurrogate.export._graph import Graph, Node
 
 #: The class that pythonfmu runs, behind the text of ``_unit_step.py``.
-_UNIT = '''
+_SCRIPT_OF_UNIT = '''
 
 import json
 from pathlib import Path
@@ -117,7 +117,7 @@ def to_fmu(model: Any, path: Any, x0: Any = None, u0: Any = None, n_sub: int | N
         warnings.simplefilter("ignore")  # of the builder's own parsing
         module = f"unit_of_{name}"  # units that run in this process share its modules: no other script has this name
         script, data = Path(folder) / f"{module}.py", Path(folder) / f"{name}.json"
-        write_text(script, Path(_unit_step.__file__).read_text(encoding="utf-8") + _UNIT.format(name=name))
+        write_text(script, Path(_unit_step.__file__).read_text(encoding="utf-8") + _SCRIPT_OF_UNIT.format(name=name))
         write_text(data, json.dumps(described))
         sys.modules.pop(module, None)  # of a unit built or run before
         try:

@@ -17,7 +17,7 @@ from scipy.linalg import lapack
 
 #: Above this condition number of the (column-scaled) features, the Gram has lost the solution: eps * 1e14 = 1e-2.
 CONDITION_LIMIT = 1e7
-_EPS = float(np.finfo(float).eps)
+EPSILON = float(np.finfo(float).eps)
 #: Below this share of non-zeros the product of sparse blocks is quicker than that of dense ones.
 _SPARSE_BELOW = 0.1
 #: Numbers in a piece of dense rows that stays in the cache: 2 MiB.
@@ -254,7 +254,7 @@ def solve_normal(H: np.ndarray, g: np.ndarray) -> tuple[np.ndarray, float, bool]
             theta[keep] = linalg.cho_solve((L, True), b) / d[:, None]
             return theta, float(rcond**-0.5), False
     values, V = linalg.eigh(S)
-    noise = 10 * max(len(values), 10) * _EPS * values[-1]
+    noise = 10 * max(len(values), 10) * EPSILON * values[-1]
     alive = values > noise
     doubtful = bool(np.any(values[alive] < CONDITION_LIMIT**-2 * values[-1] * 100))
     scaled = V[:, alive] @ ((V[:, alive].T @ b) / values[alive][:, None])
@@ -268,7 +268,7 @@ def factor_normal(H: np.ndarray, g: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     d = np.sqrt(np.maximum(np.diag(H), 0.0))
     d = np.where(d > 0, d, 1.0)
     values, V = linalg.eigh(H / np.outer(d, d))
-    alive = values > 10 * max(len(values), 10) * _EPS * values[-1]
+    alive = values > 10 * max(len(values), 10) * EPSILON * values[-1]
     root = np.sqrt(values[alive])[:, None]
     return root * V[:, alive].T * d, (V[:, alive].T @ (g / d[:, None])) / root
 
@@ -292,7 +292,7 @@ def solve_rows(
         return theta, np.inf
     d = d[keep]
     U, s, Vt = linalg.svd(A[:, keep] / d, full_matrices=False)
-    alive = s > 10 * max(len(d), np.sqrt(n_rows or len(A))) * _EPS * s[0]
+    alive = s > 10 * max(len(d), np.sqrt(n_rows or len(A))) * EPSILON * s[0]
     if rounding is not None:
         alive &= s > np.linalg.norm(Vt * (rounding[keep] / d), axis=1)
     V = Vt[alive].T
@@ -324,17 +324,17 @@ def gcv_path(
 
     See Golub, Heath and Wahba, Technometrics 21 (1979).
     """
-    scale = max(float(np.trace(data.H)), _EPS) / max(float(np.trace(penalty.H)), _EPS)
+    scale = max(float(np.trace(data.H)), EPSILON) / max(float(np.trace(penalty.H)), EPSILON)
     total = data.H + scale * penalty.H
     values, V = linalg.eigh(total)
-    V = V[:, values > 10 * len(values) * _EPS * values[-1]] if values[-1] > 0 else V[:, :0]
+    V = V[:, values > 10 * len(values) * EPSILON * values[-1]] if values[-1] > 0 else V[:, :0]
     V = V / np.sqrt(np.einsum("ij,ij->j", V, total @ V))
     mu, U = linalg.eigh(scale * (V.T @ penalty.H @ V))
     mu = np.clip(mu, 0.0, 1.0)
     T = V @ U
     b, q = T.T @ data.g, scale * (T.T @ penalty.g)
     a = np.asarray(alphas, float)[:, None] / scale
-    denominator = np.maximum((1 - mu) + a * mu, _EPS)
+    denominator = np.maximum((1 - mu) + a * mu, EPSILON)
     theta = (b + a[:, :, None] * q) / denominator[:, :, None]
     rss = data.c - np.sum(theta * (2 * b - (1 - mu)[:, None] * theta), axis=1)
     dof = np.sum((1 - mu) / denominator, axis=1) + spare

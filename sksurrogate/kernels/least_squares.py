@@ -23,7 +23,7 @@ Evaluate = Callable[[np.ndarray], tuple[float, np.ndarray, np.ndarray]]
 Slopes = Callable[[], tuple[np.ndarray, np.ndarray]]
 
 #: Steps over which the descent is measured before a search counts as settled.
-WINDOW = 20
+SETTLING_WINDOW = 20
 #: Part of the column scale that is kept from step to step: between Marquardt's (0) and More's (1) choice. Weights that
 #: run away (a step function) want a short memory, valleys a long one; 0.8 was best over Bishop's four functions.
 SCALE_MEMORY = 0.8
@@ -64,7 +64,7 @@ def levenberg_marquardt(
     *,
     max_iter: int = 200,
     floor: float = 0.0,
-    window: int = WINDOW,
+    window: int = SETTLING_WINDOW,
     least_gain: float = 5e-3,
     watch: Callable[[LeastSquaresFit], bool] | None = None,
     pause: Callable[[LeastSquaresFit], bool] | None = None,

@@ -9,10 +9,8 @@ import numpy as np
 from scipy import linalg
 from sklearn.utils._param_validation import Interval, RealNotInt, StrOptions
 
-from sksurrogate.kernels.gram import CONDITION_LIMIT, triangle
+from sksurrogate.kernels.gram import CONDITION_LIMIT, EPSILON, triangle
 from sksurrogate.linear._base import BaseBlockedRegressor, Blocks, warn_ill_conditioned
-
-_EPS = float(np.finfo(float).eps)
 
 
 class PCRRegressor(BaseBlockedRegressor):
@@ -112,7 +110,7 @@ class PCRRegressor(BaseBlockedRegressor):
             values, V = linalg.eigh(S)
             values, V = values[::-1], V[:, ::-1]
             loads = V.T @ (moments.scatter[:p, p:] / scale[:, None])
-            rank = _rank(values, V, 10 * max(p, 10) * _EPS, rounding)
+            rank = _rank(values, V, 10 * max(p, 10) * EPSILON, rounding)
             r = self._choose(values, loads, rank)
             asks_all = self.n_components is None or (isinstance(self.n_components, Integral) and r < self.n_components)
             blurred = r > 0 and values[r - 1] < 100 * CONDITION_LIMIT**-2 * values[0]
@@ -127,7 +125,7 @@ class PCRRegressor(BaseBlockedRegressor):
             factor = np.where(constant, 0.0, R[:, :p]) / scale
             U, s, Vt = linalg.svd(factor, full_matrices=False)
             values, V, loads = s**2, Vt.T, s[:, None] * (U.T @ R[:, p:])
-            rank = _rank(values, V, (10 * max(p, np.sqrt(moments.n_rows)) * _EPS) ** 2, rounding)
+            rank = _rank(values, V, (10 * max(p, np.sqrt(moments.n_rows)) * EPSILON) ** 2, rounding)
             r = self._choose(values, loads, rank)
         total = max(float(values.sum()), np.finfo(float).tiny)
         self.n_components_, self.scale_ = r, scale

@@ -19,7 +19,7 @@ from sksurrogate.physics._lanes import Entry, Lanes, Mixed
 _Part = tuple[Any, np.ndarray, np.ndarray, dict[str, Any]]
 
 #: So few points that disagree are asked one by one; so few whose vectors would have to be made of entries too.
-_FEW_POINTS, _FEW_VECTORS = 32, 8
+_POINTS_ONE_BY_ONE, _FEW_VECTORS = 32, 8
 #: Functions of :mod:`math` that numpy has under another name, or scipy has.
 _OTHER_NAMES = {
     "fabs": np.fabs, "pow": np.power, "erf": special.erf, "erfc": special.erfc, "gamma": special.gamma, "lgamma": special.gammaln,
@@ -90,7 +90,7 @@ class Branches:
         try:
             return self._together(n_points, t, x, u, p, extra)
         except Mixed as decision:
-            if n_points <= _FEW_POINTS:
+            if n_points <= _POINTS_ONE_BY_ONE:
                 return self._each(n_points, t, x, u, p, extra)
             out = np.empty((self.size, n_points))
             for which in (decision.true, ~decision.true):

@@ -8,10 +8,10 @@ from collections.abc import Callable
 from functools import cached_property
 from typing import Any, TypeVar
 
-T = TypeVar("T")
+Kept = TypeVar("Kept")
 
 
-def recent_property(most: int) -> Callable[[Callable[[Any], T]], cached_property[T]]:
+def recent_property(most: int) -> Callable[[Callable[[Any], Kept]], cached_property[Kept]]:
     """A cached property of which only the ``most`` instances that computed it last keep the value.
 
     Memory does not grow with the number of instances; what was dropped is computed again where it is asked for.
@@ -29,7 +29,7 @@ def recent_property(most: int) -> Callable[[Callable[[Any], T]], cached_property
     """
 
     class Recent(cached_property):  # type: ignore[type-arg]
-        def __init__(self, function: Callable[[Any], T]):
+        def __init__(self, function: Callable[[Any], Kept]):
             super().__init__(function)
             self.holders: deque[weakref.ref[Any]] = deque()
 
