@@ -5,7 +5,7 @@ import pytest
 
 from sksurrogate.exceptions import SimulatorError
 from sksurrogate.gap import GapDiagnoser
-from sksurrogate.gap.fit._other_unit import _divided, _explained, other_unit
+from sksurrogate.gap.fit._other_unit import _divided, _explained, _slower, other_unit
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics import ODESimulator
 from sksurrogate.physics._model import PlantModel
@@ -53,6 +53,17 @@ def test_another_unit_of_time_is_found(dt, words):
 def test_the_right_unit_of_time_is_not_doubted():
     assert said(0.1, measured()) == said(0.1, measured(0.5)) == said(0.1, measured(-1.0)) == ""
     assert said(0.1, np.random.default_rng(3).normal(size=(320, 1))) == ""
+
+
+def test_a_simulator_that_stands_still_is_in_no_other_unit_of_time():
+    """It grows without the missing cube; runs that settle near their starts are explained by any time in which it hardly moves."""
+    simulator = ODESimulator(lambda t, x, u, p: [4.0 * x[0]], states=["x"], inputs=[], outputs=["x"], params={}, dt=0.1)
+    starts, t = np.array([-1.3, -0.8, 0.7, 1.2]), 0.1 * np.arange(60)
+    y = [(s / np.sqrt(s**2 + (1.0 - s**2) * np.exp(-8.0 * t)))[:, None] for s in starts]  # of dx/dt = 4 (x - x^3)
+    record = Record.from_runs([np.zeros((60, 0))] * 4, y, [t] * 4, 0.1)
+    model = PlantModel(describe(simulator))
+    assert _explained(model, _slower(record, 1e-3)) > 0.9 and _explained(model, record) < 0.0
+    assert other_unit(model, record) == ""
 
 
 class Stepper:

@@ -19,7 +19,7 @@ DEGREES = 180.0 / np.pi
 OF_READINGS = (DEGREES, 1000.0, 100.0, 1 / DEGREES, 1 / 1000.0, 1 / 100.0)
 #: In the right unit the simulator alone explains at least this share of every output's variance more: half of what there is.
 MORE_EXPLAINED = 0.5
-#: All signals in units so much further off: there the simulator is linear, or at its limits.
+#: Time, or all signals, in units so much further off: there the simulator stands still, is linear, or at its limits.
 FAR_OFF = 1e6
 #: Share of the variance that a unit of all signals may leave, where one far off leaves less than twice as much.
 MOST_UNEXPLAINED = 0.05
@@ -43,10 +43,12 @@ def _of_time(model: PlantModel, record: Record, own: float) -> str:
     """The sample time in another unit."""
     steps = getattr(model.plant.simulator, "timestep", None) is not None
     tried = [factor for factor in FACTORS if factor < 1.0 or not steps]
-    shares = {k: _explained(model, replace(record, t=k * record.t, dt=k * record.dt)) for k in tried}
+    shares = {k: _explained(model, _slower(record, k)) for k in tried}
     best = max(shares, key=lambda factor: shares[factor])
     if shares[best] < own + MORE_EXPLAINED:
         return ""
+    if best < 1.0 and 1.0 - shares[best] > MORE_EXPLAINED * (1.0 - _explained(model, _slower(record, 1.0 / FAR_OFF))):
+        return ""  # what stands still at its first reading leaves nearly as little: runs differ in their starts
     text = f"{best:g} times longer" if best > 1 else f"{1 / best:g} times shorter"
     return (
         f"With a sample time {text} the simulator alone explains {100 * shares[best]:.0f} % of every output's variance, with "
@@ -93,6 +95,11 @@ def _likely_units(model: PlantModel, record: Record) -> np.ndarray:
 def _all_in(record: Record, factor: float) -> tuple[np.ndarray, np.ndarray]:
     """One factor for every input, and for every output."""
     return np.full(len(record.u), factor), np.full(len(record.y), factor)
+
+
+def _slower(record: Record, factor: float) -> Record:
+    """The sample time in another unit."""
+    return replace(record, t=factor * record.t, dt=factor * record.dt)
 
 
 def _divided(record: Record, inputs: np.ndarray, outputs: np.ndarray) -> Record:
