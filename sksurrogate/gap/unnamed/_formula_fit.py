@@ -20,7 +20,7 @@ from sksurrogate.gap.search._ode_search import OdeSearch
 from sksurrogate.gap.unnamed._channels import Channels
 from sksurrogate.gap.unnamed._drivers import AnyLaw, Drivers
 from sksurrogate.gap.unnamed._formula_regression import Draft
-from sksurrogate.gap.unnamed._formula_search import curve_at
+from sksurrogate.gap.unnamed._formula_search import curve_at, simplest
 from sksurrogate.gap.unnamed._grammar import price_of
 
 #: Places that are compared; formulae that are fitted in the free run at the likeliest place, and at each of the others.
@@ -73,8 +73,8 @@ def fitted_laws(
         drivers = channels.drivers(channel)
         drafts = channels.drafts(location, kind)
         best = max([best, *(draft.level for draft in drafts)])
-        chosen = [draft for draft in drafts if draft.level > best - OUT_OF_REACH]
-        chosen = chosen[: FITTED_ELSEWHERE if rank else FITTED_HERE]
+        near = [draft for draft in drafts if draft.level > best - OUT_OF_REACH]
+        chosen = near[:FITTED_ELSEWHERE] if rank else [*dict.fromkeys([*simplest(drafts), *near])][:FITTED_HERE]
         curve = None if rank else curve_at(channel, drivers, drafts)
         for draft in [*chosen, *([] if curve is None else [curve])]:
             fitted = fitted_draft(search, base, channel.x, draft, drivers)

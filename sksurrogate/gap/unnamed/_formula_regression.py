@@ -114,7 +114,7 @@ class Regression:
         level = nats - cost - 0.5 * (self.K[0, 0] + log_det)
         return replace(draft, coefficients=own, nats=nats, worth=nats - cost, price=price, level=float(level))
 
-    def refined(self, draft: Draft) -> Draft:
+    def refined(self, draft: Draft, most_steps: int = CONSTANT_STEPS) -> Draft:
         """A formula with its constants fitted: Gauss-Newton with coefficients and parameters beside them, steps halved."""
         constants = np.array([c for term in draft.terms for c in term.constants])
         if not len(constants):
@@ -122,7 +122,7 @@ class Regression:
         low, high = np.array([b for term in draft.terms for b in term.bounds]).T
         spread = {name: float(np.std(z)) for name, z in self.drivers.signals.items()}
         unit = np.maximum(np.abs(constants), 0.1 * max(spread.values()) if any(constants == 0) else 1e-12)
-        for _ in range(CONSTANT_STEPS):
+        for _ in range(most_steps):
             J = self.responses(draft.terms, draft.late)
             slopes = self.slopes(draft, constants, unit, J)
             if not np.isfinite(slopes).all():

@@ -10,7 +10,7 @@ Brunton, Proctor, Kutz, *Discovering governing equations from data by sparse ide
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -20,14 +20,18 @@ from sksurrogate.effects._formula import Term
 from sksurrogate.gap.fit._normal_equations import inverse
 from sksurrogate.gap.unnamed._channel import Channel
 from sksurrogate.gap.unnamed._drivers import Drivers
-from sksurrogate.gap.unnamed._formula_regression import Draft, Regression
+from sksurrogate.gap.unnamed._formula_regression import CONSTANT_STEPS, Draft, Regression
 from sksurrogate.gap.unnamed._grammar import price_of, structure
 from sksurrogate.gap.unnamed._term_library import Library
+from sksurrogate.kernels.disturbance import Noise
 
 #: Terms of a formula; formulae kept while it grows; further terms tried for each.
 MOST_TERMS, BEAM, TRIED = 5, 6, 6
-#: Formulae whose constants are fitted.
-REFINED = 10
+#: Formulae whose constants take one step, of all, of single terms and of pairs: none of the few values in the library may be near;
+#: the best of them, whose constants are fitted.
+LOOKED_AT, REFINED = 24, 12
+#: Formulae that are judged under noise of their own, beside the best of every size.
+SETTLED = 3
 #: Formulae whose terms are chosen again, and rounds of it.
 SWAPPED, SWAPS = 3, 4
 #: Terms of an affine beginning.
@@ -41,7 +45,8 @@ SPLINE_PIECES, EDGE = 10, 0.002
 def drafts_at(channel: Channel, drivers: Drivers) -> list[Draft]:
     """The formulae of most worth at a place, best first, each structure once.
 
-    First under the noise in which a free signal explains the gap, then under the noise that the best formula leaves.
+    First under the noise in which a free signal explains the gap, then under the noise that the best formula leaves; at last each of
+    the best under the noise that it leaves itself: a formula that is nearly right leaves less than any noise told before.
     """
     if not drivers.moving:
         return []
@@ -60,7 +65,7 @@ def drafts_at(channel: Channel, drivers: Drivers) -> list[Draft]:
             found[draft.structure] = draft  # those of the second round are judged under the better noise
         if not drafts:
             break
-        noise = channel.settled(regression.responses(drafts[0].terms, drafts[0].late))
+        noise = noise_beside(channel, drivers, drafts[0])
     final = Regression(channel, drivers, noise)
     judged = [draft for draft in map(final.judged, found.values()) if np.isfinite(draft.worth)]
     ranked = sorted(judged, key=lambda draft: -draft.worth)
@@ -68,7 +73,29 @@ def drafts_at(channel: Channel, drivers: Drivers) -> list[Draft]:
     for draft in ranked:  # a better formula with terms added says nothing new
         if not any(set(other.structure) < set(draft.structure) for other in kept):
             kept.append(draft)
-    return kept
+    best = dict.fromkeys([*simplest(kept), *kept[:SETTLED]])
+    alone = [under_its_own_noise(channel, drivers, draft) for draft in best]
+    return [*sorted(alone, key=lambda draft: -draft.level), *(draft for draft in kept if draft not in best)]
+
+
+def simplest(ranked: Sequence[Draft]) -> list[Draft]:
+    """Of formulae, best first, those that no other with as few parameters is better than, best first."""
+    front: list[Draft] = []
+    for draft in ranked:
+        if not front or len(draft.values) < len(front[-1].values):
+            front.append(draft)
+    return front
+
+
+def noise_beside(channel: Channel, drivers: Drivers, draft: Draft) -> Noise:
+    """The noise that a formula leaves."""
+    return channel.settled(channel.respond(drivers.values(draft.terms, channel.record)))
+
+
+def under_its_own_noise(channel: Channel, drivers: Drivers, draft: Draft) -> Draft:
+    """A formula judged, and its constants fitted, under the noise that it leaves."""
+    own = Regression(channel, drivers, noise_beside(channel, drivers, draft))
+    return own.refined(own.judged(draft))
 
 
 def curve_at(channel: Channel, drivers: Drivers, drafts: Sequence[Draft]) -> Draft | None:
@@ -84,9 +111,7 @@ def curve_at(channel: Channel, drivers: Drivers, drafts: Sequence[Draft]) -> Dra
     step = (high - low) / (SPLINE_PIECES - 3)
     centres = low + step * np.arange(-1, SPLINE_PIECES - 1)
     terms = tuple(Term((("spline", names[0], float(c), 0.0, float(step)),)) for c in centres)
-    noise = channel.noise
-    if drafts:
-        noise = channel.settled(Regression(channel, drivers, noise).responses(drafts[0].terms, drafts[0].late))
+    noise = noise_beside(channel, drivers, drafts[0]) if drafts else channel.noise
     return Regression(channel, drivers, noise).judged(Draft(terms, np.zeros(len(terms)), None))
 
 
@@ -106,23 +131,53 @@ class _Beam:
             [price_of([t], one.n_drivers) + one.half_log * (1 + len(t.constants)) for t in self.library.terms]
         )
 
-    def column(self, k: int) -> np.ndarray:
-        """``S^-1`` of a term of the library."""
-        if k not in self.weighted:
-            shape = len(self.regression.channel.r), 1, -1
-            self.weighted[k] = self.regression.weights(self.library.columns[k].reshape(shape))[0]
-        return self.weighted[k]
+    def columns(self, some: Sequence[int]) -> np.ndarray:
+        """``S^-1`` of terms of the library, (n_terms, n_outputs * n_samples)."""
+        new = [k for k in some if k not in self.weighted]
+        if new:
+            F = self.library.columns[new].reshape(len(new), len(self.regression.channel.r), -1)
+            self.weighted.update(zip(new, self.regression.weights(F.transpose(1, 0, 2))))
+        return np.array([self.weighted[k] for k in some]).reshape(len(some), self.library.columns.shape[1])
 
     def drafts(self) -> list[Draft]:
         """Formulae that grow term by term; the best of all sizes with their constants fitted."""
-        everything: dict[tuple[int, ...], float] = {}
-        for start in dict.fromkeys([(), self.affine()]):
-            everything.update(self.beam(start))
-        for chosen in self.apart(sorted(everything, key=lambda one: -everything[one]), SWAPPED):
+        alone = self.grown((), None)
+        simple = [k for k, term in enumerate(self.library.terms) if len(term.factors) < 2]
+        pairs = self.pairs(sorted({*simple, *(k for (k,) in alone)}))
+        everything, affine = alone | pairs, self.affine()
+        for starts in (self.apart(best_first(everything), BEAM), [affine] if affine else []):
+            everything.update(self.beam(starts, max((everything.get(one, 0.0) for one in starts), default=0.0)))
+        for chosen in self.apart(best_first(everything), SWAPPED):
             everything.update(self.swapped(chosen, everything[chosen]))
-        best_first = sorted(everything, key=lambda chosen: -everything[chosen])
-        refined = [self.regression.refined(self.draft_of(chosen)) for chosen in self.apart(best_first, REFINED)]
-        return sorted(refined, key=lambda draft: -draft.worth)
+        by_size = [self.apart(best_first(some), LOOKED_AT) for some in (everything, alone, pairs)]
+        drafts = [self.draft_of(one) for one in dict.fromkeys(one for some in by_size for one in some)]
+        for most, steps in ((len(drafts), 1), (REFINED, CONSTANT_STEPS)):
+            drafts = [self.regression.refined(draft, steps) for draft in drafts[:most]]
+            drafts.sort(key=lambda draft: -draft.worth)
+        return drafts
+
+    def pairs(self, some: Sequence[int]) -> dict[tuple[int, ...], float]:
+        """The best of all sums of two of some terms: two may explain together what neither explains alone."""
+        one, linear = self.regression, self.regression.channel.linear
+        A, some = self.rows[:, some], np.asarray(some)
+        solution = inverse(one.K[1:, 1:] + np.diag(linear.precision))
+        g = one.K[1:, 0] + linear.pull
+        own = self.columns(some) @ self.library.columns[some].T - A[1:].T @ solution @ A[1:]
+        rest, size = A[0] - g @ solution @ A[1:], np.diag(own)
+        det = np.outer(size, size) - own**2
+        gain = 0.5 * (np.outer(rest**2, size) - 2.0 * np.outer(rest, rest) * own + np.outer(size, rest**2))
+        costs = self.costs[some]
+        worth = gain / np.maximum(det, 1e-300) - costs[:, None] - costs + 0.5 * float(g @ solution @ g)
+        known = size > OWN * self.diagonal[some]
+        worth[~(np.outer(known, known) & (det > OWN * np.outer(size, size)))] = -np.inf
+        i, j = np.triu_indices(len(some), 1)
+        first = np.argsort(-worth[i, j])[: TRIED * BEAM]
+        found = {(int(some[a]), int(some[b])): float(worth[a, b]) for a, b in zip(i[first], j[first])}
+        return {k: v for k, v in found.items() if np.isfinite(v) and self.allows(k)}
+
+    def allows(self, chosen: Sequence[int]) -> bool:
+        """Whether an effect can hold these terms."""
+        return self.regression.drivers.allows([self.library.terms[k] for k in chosen])
 
     def affine(self) -> tuple[int, ...]:
         """A constant and the drivers as they are, where they are few: a simulator that was linearised lacks these too."""
@@ -130,18 +185,18 @@ class _Beam:
         plain = [k for k, term in enumerate(self.library.terms) if structure([term])[0] in forms]
         return (
             tuple(plain)
-            if len(plain) <= MOST_AFFINE and self.regression.drivers.allows([self.library.terms[k] for k in plain])
+            if len(plain) <= MOST_AFFINE and self.allows(plain)
             else ()
         )
 
-    def beam(self, start: tuple[int, ...]) -> dict[tuple[int, ...], float]:
-        """Formulae that grow from some terms, the best of every size."""
-        beams, everything, best = [start], dict[tuple[int, ...], float](), 0.0
+    def beam(self, beams: Sequence[tuple[int, ...]], best: float) -> dict[tuple[int, ...], float]:
+        """Formulae that grow from some, the best of every size, as long as that gains on the best."""
+        everything: dict[tuple[int, ...], float] = {}
         for _ in range(MOST_TERMS):
             grown: dict[tuple[int, ...], float] = {}
             for chosen in beams:
                 grown.update(self.grown(chosen))
-            beams = self.apart(sorted(grown, key=lambda one: -grown[one]), BEAM)
+            beams = self.apart(best_first(grown), BEAM)
             everything.update({chosen: grown[chosen] for chosen in beams})
             if not beams or grown[beams[0]] < best + 1.0:
                 break
@@ -174,10 +229,10 @@ class _Beam:
                 break
         return out
 
-    def grown(self, chosen: tuple[int, ...]) -> dict[tuple[int, ...], float]:
+    def grown(self, chosen: tuple[int, ...], most: int | None = 4 * TRIED) -> dict[tuple[int, ...], float]:
         """A formula with one term more, the best by what all of it is worth; every structure of the new term once."""
         F, K, linear = self.library.columns, self.regression.K, self.regression.channel.linear
-        own = np.array([self.column(k) for k in chosen]).reshape(len(chosen), F.shape[1])
+        own = self.columns(chosen)
         A = np.concatenate([self.rows[1:], own @ F.T])  # of parameters and chosen terms with all terms
         H = np.zeros((len(A), len(A)))
         p = len(K) - 1
@@ -200,9 +255,9 @@ class _Beam:
         seen: set = set()
         for k in np.argsort(-worth):
             form = structure([self.library.terms[k]])
-            if not np.isfinite(worth[k]) or len(out) == 4 * TRIED:
+            if not np.isfinite(worth[k]) or len(out) == most:
                 break
-            if form not in seen and self.regression.drivers.allows([self.library.terms[c] for c in (*chosen, k)]):
+            if form not in seen and self.allows((*chosen, int(k))):
                 seen.add(form)
                 out[tuple(sorted((*chosen, int(k))))] = float(worth[k])
         return out
@@ -212,3 +267,8 @@ class _Beam:
         late = next((self.library.late[k] for k in chosen if self.library.late[k] is not None), None)
         terms = tuple(self.library.terms[k] for k in chosen)
         return self.regression.judged(Draft(terms, np.zeros(len(chosen)), late))
+
+
+def best_first(worth: Mapping[tuple[int, ...], float]) -> list[tuple[int, ...]]:
+    """Formulae by what they are worth."""
+    return sorted(worth, key=lambda one: -worth[one])

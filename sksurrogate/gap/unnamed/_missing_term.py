@@ -25,8 +25,8 @@ from sksurrogate.gap.unnamed._law_shapes import hats_at
 KNOTS_OF_TERM, FEWEST_ROWS = 14, 8
 #: Formulae that are listed.
 MOST_LAWS = 4
-#: Share that a further term must explain for a formula to be listed before a shorter one.
-WORTH_OF_TERM = 0.01
+#: Share that a further parameter must explain for a formula to be listed before a shorter one.
+WORTH_OF_PARAMETER = 0.01
 #: Formulae that explain less are not worth telling.
 LEAST_TERM_EXPLAINED = 0.05
 #: What tells the recent pasts of one signal apart, ``lag(v)#1``.
@@ -54,8 +54,8 @@ def shape_of(channel: Channel, drivers: Drivers, drafts: Sequence[Draft]) -> Mis
         share = _explained(channel, values, channel.respond(values), whole, fold)
         if share > LEAST_TERM_EXPLAINED:
             listed.append((share, draft))
-    # A term more must be worth it on runs left out.
-    listed.sort(key=lambda item: -(item[0] - WORTH_OF_TERM * len(item[1].terms)))
+    # A parameter more must be worth it on runs left out.
+    listed.sort(key=lambda item: -(item[0] - WORTH_OF_PARAMETER * len(item[1].values)))
     texts = [
         f"{MARK_OF_PAST.sub('', draft.text)}  (explains {100 * share:.0f} %)" for share, draft in listed[:MOST_LAWS]
     ]

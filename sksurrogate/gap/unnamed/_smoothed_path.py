@@ -38,7 +38,8 @@ def sensor_noise(found: Evidence) -> np.ndarray:
 def paths(candidate: OdeCandidate, *problems: OdeBackend) -> Iterator[np.ndarray]:
     """Paths near the data: smoothed with the balances that each problem lets give way, as far as one is found; the free run.
 
-    A free run that has left the data is smoothed from the measured states instead.
+    ``problems``: those that let fewer balances give way first. Each is smoothed from the path of the next, which is nearer to the
+    data than the free run. A free run that has left the data is smoothed from the measured states instead.
     """
     fit, problem = candidate.fit, candidate.problem
     record, start = problem.record, fit.x
@@ -46,12 +47,14 @@ def paths(candidate: OdeCandidate, *problems: OdeBackend) -> Iterator[np.ndarray
     if not np.max(away) < RUN_AWAY and problem.run is not None:
         guess = measured_guess(problem.plant, record, problem.run)
         start = settle_hidden(candidate.model, fit.theta, np.concatenate([guess, fit.x[len(guess) :]]))
-    for problem in problems:
+    found = [fit.x]
+    for problem in reversed(problems):
         try:
-            yield problem.smooth(candidate.model, fit.theta, start).x
+            start = problem.smooth(candidate.model, fit.theta, start).x
         except (FloatingPointError, np.linalg.LinAlgError):
             continue
-    yield fit.x
+        found.append(start)
+    yield from reversed(found)
 
 
 def _noise_along(found: Evidence, x: np.ndarray) -> Noise:
