@@ -1,5 +1,7 @@
 """The shape of a missing term through known dynamics, laws of several terms, rules of regions and moments, closed loops."""
 
+from itertools import combinations
+
 import numpy as np
 import pytest
 
@@ -12,7 +14,8 @@ from sksurrogate.gap.unnamed import _term_library
 from sksurrogate.gap.unnamed._channel import Channel
 from sksurrogate.gap.unnamed._drivers import Drivers
 from sksurrogate.gap.unnamed._families import FAMILIES, factors_of
-from sksurrogate.gap.unnamed._formula_search import drafts_at
+from sksurrogate.gap.unnamed._formula_regression import Draft, Regression
+from sksurrogate.gap.unnamed._formula_search import _Beam, drafts_at, simplest
 from sksurrogate.gap.unnamed._grammar import terms_of
 from sksurrogate.gap.unnamed._missing_term import shape_of
 from sksurrogate.gap.unnamed._regions import regions
@@ -239,3 +242,57 @@ def test_a_family_is_tried_for_the_drivers_that_it_suits():
               {"both": np.linspace(-1, 1, 50), "above": np.linspace(2, 9, 50), "still": np.ones(50)}.items()}  # fmt: skip
     assert shapes["still"] == set()
     assert "drag" in shapes["both"] - shapes["above"] and "inverse" in shapes["above"] - shapes["both"]
+
+
+def beam_of(c):
+    drivers = Drivers("x", "state", c.signals, {})
+    return _Beam(Regression(c, drivers, c.noise), Library.of(c, drivers))
+
+
+def test_all_sums_of_two_terms_are_worth_what_their_regression_says(record):
+    beam = beam_of(channel(record, lambda z: 0.8 * z[0] * z[1] - 0.6 * z[1] * np.abs(z[1])))
+    some = list(range(0, len(beam.library.terms), 17))
+    pairs = beam.pairs(some)
+    judged = {pair: beam.draft_of(pair).worth for pair in combinations(some, 2)}
+    for pair, worth in pairs.items():
+        assert worth == pytest.approx(judged[pair], abs=1e-5)
+    assert max(pairs.values()) == pytest.approx(max(judged.values()), abs=1e-5)
+
+
+def test_two_terms_are_found_that_explain_little_alone(record):
+    """A difference of two signals that are nearly one: each alone explains a twentieth of it."""
+    c = channel(record, lambda z: z[0])
+    near = c.signals["a"] + 0.1 * c.signals["b"]
+    c.signals["b"] = near
+    again = channel(record, lambda z: 10.0 * (near**3 - z[0] ** 3) / np.std(near) ** 2)
+    again.signals["b"] = near
+    beam = beam_of(again)
+    k = {term.text: k for k, term in enumerate(beam.library.terms)}
+    pair = k["a^3"], k["b^3"]
+    alone = beam.grown((), None)
+    assert beam.pairs([*k.values()])[pair] > 2.0 * max(alone[one,] for one in pair)
+    best = drafts_at(again, Drivers("x", "state", again.signals, {}))[0]
+    assert {term.text for term in best.terms} == {"a^3", "b^3"}
+
+
+@pytest.mark.parametrize(("centre", "power"), [(1.3, 3.0), (0.8, 2.5)])
+def test_constants_are_found_that_are_not_in_the_library(record, centre, power):
+    """A constant less a Hill curve, as a repressed rate: its half and its steepness are between the values tried."""
+    c = channel(record, lambda z: np.zeros_like(z[0]))
+    level = c.signals["a"] - c.signals["a"].min() + 0.1
+    truth = 2.0 - 2.0 * level**power / (centre**power + level**power)
+    again = channel(record, lambda z: truth)
+    again.signals["a"] = level
+    drivers = Drivers("x", "state", again.signals, {})
+    found = next(
+        draft
+        for draft in drafts_at(again, drivers)[:3]
+        if {f[0] for term in draft.terms for f in term.factors} == {"hill"}
+    )
+    left = found.coefficients @ drivers.values(found.terms, record) - truth
+    assert np.std(left) < 0.05 * np.std(truth)
+
+
+def test_the_best_of_every_size_is_simplest():
+    drafts = [Draft((Term(),) * n, np.zeros(n), None) for n in (3, 4, 2, 2, 1, 3)]
+    assert simplest(drafts) == [drafts[0], drafts[2], drafts[4]]

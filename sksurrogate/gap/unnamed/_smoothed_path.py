@@ -16,9 +16,9 @@ from sksurrogate.kernels.disturbance import Noise
 from sksurrogate.kernels.noise_fit import fit_noise
 from sksurrogate.kernels.output_error import settle_hidden
 
-#: A free run that misses an output by more than so many of its deviations has left the data; the steps of a smoother, which
-#: are no longer, do not bring it back.
-RUN_AWAY = 10.0
+#: A free run that misses an output by more than this share of its deviation is further from the data than the readings are; the
+#: steps of a smoother need not bring it back.
+RUN_AWAY = 1.0 / 3.0
 
 
 def sensor_noise(found: Evidence) -> np.ndarray:
@@ -38,8 +38,7 @@ def sensor_noise(found: Evidence) -> np.ndarray:
 def paths(candidate: OdeCandidate, *problems: OdeBackend) -> Iterator[np.ndarray]:
     """Paths near the data: smoothed with the balances that each problem lets give way, as far as one is found; the free run.
 
-    ``problems``: those that let fewer balances give way first. Each is smoothed from the path of the next, which is nearer to the
-    data than the free run. A free run that has left the data is smoothed from the measured states instead.
+    In place of a free run that has left the data, measured states are smoothed as they were measured.
     """
     fit, problem = candidate.fit, candidate.problem
     record, start = problem.record, fit.x
@@ -47,14 +46,12 @@ def paths(candidate: OdeCandidate, *problems: OdeBackend) -> Iterator[np.ndarray
     if not np.max(away) < RUN_AWAY and problem.run is not None:
         guess = measured_guess(problem.plant, record, problem.run)
         start = settle_hidden(candidate.model, fit.theta, np.concatenate([guess, fit.x[len(guess) :]]))
-    found = [fit.x]
-    for problem in reversed(problems):
+    for problem in problems:
         try:
-            start = problem.smooth(candidate.model, fit.theta, start).x
+            yield problem.smooth(candidate.model, fit.theta, start).x
         except (FloatingPointError, np.linalg.LinAlgError):
             continue
-        found.append(start)
-    yield from reversed(found)
+    yield fit.x
 
 
 def _noise_along(found: Evidence, x: np.ndarray) -> Noise:
