@@ -13,7 +13,13 @@ from sksurrogate.effects._effect import (
     SensorEffect,
     SensorPath,
 )
-from sksurrogate.effects._law import InputLawEffect, LawEffect, MemoryLawEffect, SensorLawEffect
+from sksurrogate.effects._law import (
+    InputLawEffect,
+    LawEffect,
+    MemoryLawEffect,
+    ParameterLawEffect,
+    SensorLawEffect,
+)
 from sksurrogate.effects._onset import starting
 from sksurrogate.effects._simulator import AugmentedSimulator
 from sksurrogate.effects._store import load_augmented, save_augmented
@@ -31,6 +37,7 @@ __all__ = [
     "MemoryLawEffect",
     "Parameter",
     "ParameterEffect",
+    "ParameterLawEffect",
     "Probe",
     "SensorEffect",
     "SensorLawEffect",

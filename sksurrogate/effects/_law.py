@@ -1,4 +1,4 @@
-"""Laws found in data: sums of products of simple shapes, as effects in a balance, on an input or on a sensor."""
+"""Laws found in data: sums of products of simple shapes, as effects in a balance, on an input, a sensor or a parameter."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from sksurrogate.effects._effect import (
     HiddenEffect,
     InputEffect,
     Parameter,
+    ParameterEffect,
     SensorEffect,
     Theta,
 )
@@ -88,8 +89,8 @@ class _Formula(BaseEffect):
             constants = constants[k:]
         return out
 
-    def value(self, signals: dict[str, Any], t: Any, theta: Sequence[Any], width: float = 0.0) -> Any:
-        """``sum of c f(v, w)``; kinks are rounded over ``width`` at least."""
+    def added(self, signals: dict[str, Any], t: Any, theta: Sequence[Any], width: float = 0.0) -> Any:
+        """``sum of c f(v, w)``, what the law adds at its place; kinks are rounded over ``width`` at least."""
         out: Any = 0.0
         for coefficient, term in self.filled(theta):
             if np.ndim(width) or width > 0:
@@ -99,6 +100,11 @@ class _Formula(BaseEffect):
                 term = Term(tuple(factors))
             out = out + coefficient * term.value(signals, t)
         return out
+
+    def signals(self, v: Any) -> dict[str, Any]:
+        """Values of the variable by name: an array, or one for each signal of "v*w"."""
+        names = self.variable.split("*") if self.variable else []
+        return dict(zip(names, v if len(names) > 1 else (v,)))
 
     def starts(self, probe: Any) -> list[tuple[float, ...]]:
         """The parameters that were found."""
@@ -150,9 +156,7 @@ class LawEffect(_Formula, BalanceEffect):  # type: ignore[misc]
 
     def term(self, t: Any, x: np.ndarray, v: Any, theta: Sequence[Any], width: float) -> Any:
         """``sum of c f(v, w)``."""
-        names = self.variable.split("*") if self.variable else []
-        signals = dict(zip(names, v if len(names) > 1 else (v,)))
-        return np.zeros_like(x) + self.value(signals, t, theta, width if self._jumps() else 0.0)
+        return np.zeros_like(x) + self.added(self.signals(v), t, theta, width if self._jumps() else 0.0)
 
     def _jumps(self) -> list[int]:
         """Terms that jump where the balance's own state changes its sign."""
@@ -213,7 +217,7 @@ class MemoryLawEffect(_Formula, HiddenEffect):  # type: ignore[misc, override]
     def force(self, z: np.ndarray, v: np.ndarray, theta: Sequence[Any]) -> Any:
         """``sum of c f(w, v)``."""
         signals = {f"lag({self.variable})": z[0], str(self.variable): v}
-        return np.zeros_like(z[0]) + self.value(signals, 0.0, theta[:-1])
+        return np.zeros_like(z[0]) + self.added(signals, 0.0, theta[:-1])
 
 
 class InputLawEffect(_Formula, InputEffect):  # type: ignore[misc, override]
@@ -255,13 +259,39 @@ class InputLawEffect(_Formula, InputEffect):  # type: ignore[misc, override]
 
         def acting(part: Any) -> np.ndarray:
             signals = {name: part(signal) for name, signal in given.items()}
-            found = signals[str(self.location)] + self.value(signals, 0.0, theta)
+            found = signals[str(self.location)] + self.added(signals, 0.0, theta)
             return np.asarray(found)
 
         if all(signal.half is None for signal in given.values()):
             return Signal(acting(lambda s: s.mean))
         first, middle, last = (acting(part) for part in (Signal.start, lambda s: s.mean, Signal.end))
         return Signal((first + 4 * middle + last) / 6, (last - first) / 2, acting(Signal.at_samples))
+
+
+class ParameterLawEffect(_Formula, ParameterEffect):  # type: ignore[misc]
+    """A parameter of the simulator depends on signals: ``p + f(v, w)``, as a rate that falls with a concentration.
+
+    Parameters
+    ----------
+    location : str
+        The parameter.
+    variable, terms, values, free
+        As :class:`LawEffect`.
+
+    Examples
+    --------
+    >>> law = ParameterLawEffect("stiffness", "x", (Term((("square", "x", 0.0, 0.0),)),), (0.5,))
+    >>> float(law.value(4.0, 0.0, law.starts(None)[0], 0.0, 2.0))
+    6.0
+    """
+
+    signature = "a parameter that would have to change along the runs, whatever it scales"
+    access = "step"
+    unit = "p"
+
+    def value(self, p: Any, t: Any, theta: Sequence[Any], width: float, v: Any = None) -> Any:
+        """``p + f``."""
+        return p + self.added(self.signals(v), t, theta)
 
 
 class SensorLawEffect(_Formula, SensorEffect):  # type: ignore[misc]
@@ -286,21 +316,25 @@ class SensorLawEffect(_Formula, SensorEffect):  # type: ignore[misc]
     def read(self, y: np.ndarray, v: np.ndarray | None, t: np.ndarray, theta: Sequence[Any]) -> np.ndarray:
         """``y + f(y, v)``."""
         signals = {str(self.location): y, **({str(self.variable): v} if v is not None else {})}
-        return np.asarray(y + self.value(signals, t, theta))
+        return np.asarray(y + self.added(signals, t, theta))
+
+
+#: A law at a place.
+AnyLaw = LawEffect | MemoryLawEffect | InputLawEffect | ParameterLawEffect | SensorLawEffect
 
 
 def law_effect(
     kind: str, location: str, terms: Sequence[Term], values: Sequence[float] | None = None, free: bool = True
-) -> LawEffect | MemoryLawEffect | InputLawEffect | SensorLawEffect:
-    """A law at a place: in the balance of a state, on an input ("input"), on a sensor ("output").
+) -> AnyLaw:
+    """A law at a place: in the balance of a state, on an input ("input"), a parameter, a sensor ("output").
 
     >>> law_effect("output", "y", (Term((("square", "y", 0.0, 0.0),)),), (0.1,)).kind
     'output'
     """
     names = sorted({name for term in terms for name in term.variables})
     late = any(f[1].startswith("lag(") for term in terms for f in term.factors)
-    if kind == "state":
-        made = MemoryLawEffect if late else LawEffect
+    if kind in ("state", "parameter"):
+        made = ParameterLawEffect if kind == "parameter" else MemoryLawEffect if late else LawEffect
         return made(location, "*".join(names) or None, tuple(terms), values, free)
     others = [name for name in names if name != location]
     by_place = InputLawEffect if kind == "input" else SensorLawEffect

@@ -16,7 +16,7 @@ from sksurrogate.effects._arguments import as_arguments, as_text, listed
 from sksurrogate.effects._at_work import acting_in, paired, values_of
 from sksurrogate.effects._catalogue import CATALOGUE, check_place
 from sksurrogate.effects._effect import BaseEffect
-from sksurrogate.effects._law import InputLawEffect, LawEffect, MemoryLawEffect, SensorLawEffect
+from sksurrogate.effects._law import InputLawEffect, LawEffect, MemoryLawEffect, ParameterLawEffect, SensorLawEffect
 from sksurrogate.effects._onset import Starting, starting
 from sksurrogate.effects._parts import Parameter
 from sksurrogate.effects._simulator import AugmentedSimulator
@@ -325,7 +325,7 @@ def _built(entry: Any, own: list[tuple[type[BaseEffect], dict[str, Any]]], file:
         if not isinstance(entry[what], (str, type(None))):
             raise ValueError(f"{what}={_short(entry[what])}, expected a name or null")
     alike = [(kind, lent) for kind, lent in own if kind.name == name]
-    packaged = [CATALOGUE.get(name), LawEffect, MemoryLawEffect, InputLawEffect, SensorLawEffect]
+    packaged = [CATALOGUE.get(name), LawEffect, MemoryLawEffect, InputLawEffect, ParameterLawEffect, SensorLawEffect]
     known = [(kind, lent) for kind, lent in own if kind.__name__ == written]
     known += [(kind, {}) for kind in packaged if kind is not None and kind.__name__ == written]
     known += alike

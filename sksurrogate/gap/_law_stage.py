@@ -23,7 +23,7 @@ LEAVE_A_LAW = (
     "imitation of one missing effect. No name is given."
 )
 #: The effect that adds a constant, by the kind of its place.
-CONSTANTS = {"state": "constant_bias", "input": "input_bias", "output": "sensor_bias"}
+CONSTANTS = {"state": "constant_bias", "input": "input_bias", "output": "sensor_bias", "parameter": "parameter_error"}
 
 
 class LawStage(DiagnosisState[C]):

@@ -1,7 +1,9 @@
 """Elements: what a parameter scales in several balances; laws of their own flow are one place."""
 
 import numpy as np
+import pytest
 
+from sksurrogate.effects import load_augmented, save_augmented
 from sksurrogate.gap import GapDiagnoser
 from sksurrogate.gap.unnamed._elements import elements_along
 from sksurrogate.kernels.record import Record
@@ -53,6 +55,44 @@ def test_a_spring_that_is_stiffer_in_compression_is_a_law_of_the_spring():
     report = diagnoser.fit(U.reshape(-1, 1), Y, groups=np.repeat(np.arange(4), 300)).report_
     assert report.verdict in ("partial", "unknown")
     law = report.missing_term
-    assert (law.location, law.kind, law.effects) == ("k", "parameter", ())
+    assert (law.location, law.kind) == ("k", "parameter")
     assert law.curves[0].variable == "flow of k" or law.curves[0].explained > 0.8
     assert (report.remainder.location, report.remainder.kind) == ("k", "parameter")
+    for stretch, stiffness in ((-0.1, 30.0), (0.1, 20.0)):  # a mean stiffness is named, and a law of the stretch beside it
+        found = diagnoser.augmented_.values[0]["relative_error"]
+        assert 20.0 * (1.0 + found) + law.law.value({"a": stretch, "c": 0.0}) == pytest.approx(stiffness, rel=0.05)
+
+
+def reactor(rate=None):
+    """A reaction in the balances of a concentration and of a temperature; ``rate`` of the temperature in place of the parameter k."""
+
+    def rhs(t, x, u, p):
+        k = p["k"] if rate is None else rate(x[1])
+        return 0.5 * (1.0 - x[0]) - k * x[0], u[0] - 0.4 * x[1] + 1.5 * k * x[0]
+
+    return ODESimulator(rhs, states=["c", "T"], inputs=["heat"], outputs=["c", "T"], params={"k": 0.6}, dt=0.2)
+
+
+def test_a_parameter_that_depends_on_a_state_is_a_law_of_the_parameter(tmp_path):
+    """It moves two balances; the rate over the temperature is found, certified, carried to other runs, saved and read."""
+
+    def rate(T):
+        return 0.2 + 0.5 / (1.0 + (T / 1.2) ** 2)
+
+    rng = np.random.default_rng(3)
+    U = np.repeat(rng.uniform(-0.2, 0.8, (5, 15)), 12, axis=1)
+    Y = [reactor(rate).simulate(u[:, None], x0=[1.0, 0.5]) for u in U]
+    y = np.concatenate(Y[:4])
+    y = y + 0.005 * y.std(axis=0) * rng.normal(size=y.shape)
+    effects = ["linear_loss", "parameter_error", "constant_bias", "input_gain"]
+    diagnoser = GapDiagnoser(reactor(), effects=effects, n_jobs=1, random_state=0)
+    report = diagnoser.fit(U[:4].reshape(-1, 1), y, groups=np.repeat(np.arange(4), 180)).report_
+    law = report.missing_term.law
+    assert (law.location, law.kind, law.variables, law.certified) == ("k", "parameter", ("T",), True)
+    assert "in the parameter k" in report.sentence and not any("From run to run" in note for note in report.notes)
+    T = np.linspace(*law.domain["T"], 50)
+    np.testing.assert_allclose(0.6 + law.value({"T": T}), rate(T), rtol=0.02)
+    save_augmented(diagnoser.augmented_, tmp_path / "reactor.json")
+    better = load_augmented(reactor(), tmp_path / "reactor.json")
+    left = better.simulate(U[4][:, None], x0=[1.0, 0.5]) - Y[4]
+    assert np.all(np.std(left, axis=0) < 0.01 * Y[4].std(axis=0))

@@ -9,6 +9,7 @@ import numpy as np
 
 from sksurrogate._units import over, times, to_power
 from sksurrogate.effects._formula import SHAPES, signal_names
+from sksurrogate.effects._law import AnyLaw
 from sksurrogate.gap.decide._choice_by_fold import choices_by_fold
 from sksurrogate.gap.decide._held_out import HeldOut, law_held_out
 from sksurrogate.gap.decide._intervals import intervals
@@ -18,7 +19,6 @@ from sksurrogate.gap.results._effect_estimate import BAND
 from sksurrogate.gap.results._law import Law
 from sksurrogate.gap.results._shrink import Shrink
 from sksurrogate.gap.search._ode_search import OdeSearch
-from sksurrogate.gap.unnamed._drivers import AnyLaw
 from sksurrogate.gap.unnamed._formula_fit import FittedLaw
 from sksurrogate.physics._simulator import Plant
 from sksurrogate.physics._simulator import units_of as units_by_name

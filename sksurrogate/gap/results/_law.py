@@ -18,7 +18,7 @@ class Law:
     Attributes
     ----------
     location, kind : str
-        State in whose balance it stands ("state"), input or output to which it is added.
+        State in whose balance it stands ("state"), input, output or parameter to which it is added.
     variables : tuple of str
         Signals that drive it.
     effect : LawEffect
@@ -116,4 +116,4 @@ class Law:
         """
         arrays = {name: np.asarray(z, dtype=float) for name, z in signals.items()}
         theta = [self.params[p.name] for p in self.effect.parameters]
-        return np.asarray(self.effect.value(arrays, t, theta))
+        return np.asarray(self.effect.added(arrays, t, theta))

@@ -8,14 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from sksurrogate.effects._formula import Term, signal_names
-from sksurrogate.effects._law import InputLawEffect, LawEffect, MemoryLawEffect, SensorLawEffect, law_effect
+from sksurrogate.effects._law import AnyLaw, LawEffect, law_effect
 from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.unnamed._channel import Channel
 from sksurrogate.gap.unnamed._law_shapes import at_end, varies
 from sksurrogate.kernels.banded import first_order_scan
 from sksurrogate.kernels.record import Record
 
-AnyLaw = LawEffect | MemoryLawEffect | InputLawEffect | SensorLawEffect
 #: Time constants of the recent past, in samples, and the share of the longest run up to which they are tried.
 TIME_CONSTANTS, LONGEST_PAST = (3.0, 10.0, 30.0, 100.0), 0.25
 
@@ -24,7 +23,7 @@ TIME_CONSTANTS, LONGEST_PAST = (3.0, 10.0, 30.0, 100.0), 0.25
 class Drivers:
     """Signals that may drive a law at a place."""
 
-    #: location, kind: The place: a state (its balance), an input or an output (its sensor)
+    #: location, kind: The place: a state (its balance), an input, a parameter or an output (its sensor)
     location: str
     kind: str
     signals: Mapping[str, np.ndarray]  #: (n_samples,): by name; "lag(v)" is the recent past of v
@@ -89,7 +88,7 @@ def past_name(name: str) -> str:
 
 
 def drivers_at(base: OdeCandidate, channel: Channel, changes: Sequence[float]) -> Drivers:
-    """Signals that may drive a law at the place of a channel: states and inputs in a balance, outputs at a sensor.
+    """Signals that may drive a law at the place of a channel: states and inputs in a balance or a parameter, outputs at a sensor.
 
     At an input these are inputs, and states where no single balance stands for its port; at a further port both.
     """
@@ -106,7 +105,8 @@ def drivers_at(base: OdeCandidate, channel: Channel, changes: Sequence[float]) -
         held = {*inputs, *past}
     else:
         signals = {**states, **inputs}
-        past, held = _past(record, signals), set(plant.inputs) if plant.hold == "zoh" else set()
+        past = _past(record, signals) if kind == "state" else {}
+        held = set(plant.inputs) if plant.hold == "zoh" else set()
     now = {**signals, **{name: z for name, (z, _) in past.items()}}
     ends = {name: z if name in held else at_end(record, z[None])[0] for name, z in now.items()} if states else None
     return Drivers(location, kind, now, {name: c for name, (_, c) in past.items()}, ends, plant.inputs, changes)

@@ -12,13 +12,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sksurrogate.effects._law import AnyLaw
 from sksurrogate.gap.fit._evidence import OUT_OF_REACH, Evidence
 from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.results._next_experiment import NATS_THAT_SETTLE
 from sksurrogate.gap.search._fit_from_starts import fit_last
 from sksurrogate.gap.search._ode_search import OdeSearch
 from sksurrogate.gap.unnamed._channels import Channels
-from sksurrogate.gap.unnamed._drivers import AnyLaw, Drivers
+from sksurrogate.gap.unnamed._drivers import Drivers
 from sksurrogate.gap.unnamed._formula_regression import Draft
 from sksurrogate.gap.unnamed._formula_search import curve_at, simplest
 from sksurrogate.gap.unnamed._grammar import price_of

@@ -55,10 +55,10 @@ def drafts_at(channel: Channel, drivers: Drivers) -> list[Draft]:
         return []
     found: dict[Any, Draft] = {}
     noise = channel.noise
-    for _ in range(2):
+    for first in (True, False):
         regression = Regression(channel, drivers, noise)
         try:
-            drafts = _Beam(regression, library).drafts()
+            drafts = _Beam(regression, library).drafts(small=first)
         except np.linalg.LinAlgError:
             break
         for draft in drafts:
@@ -139,18 +139,20 @@ class _Beam:
             self.weighted.update(zip(new, self.regression.weights(F.transpose(1, 0, 2))))
         return np.array([self.weighted[k] for k in some]).reshape(len(some), self.library.columns.shape[1])
 
-    def drafts(self) -> list[Draft]:
-        """Formulae that grow term by term; the best of all sizes with their constants fitted."""
+    def drafts(self, small: bool) -> list[Draft]:
+        """Formulae that grow term by term; the best of all with their constants fitted, and the best of one and of two terms if ``small``."""
         alone = self.grown((), None)
-        simple = [k for k, term in enumerate(self.library.terms) if len(term.factors) < 2]
-        pairs = self.pairs(sorted({*simple, *(k for (k,) in alone)}))
+        plain = {k for k, term in enumerate(self.library.terms) if len(term.factors) < 2}
+        pairs = self.pairs(sorted(plain | {k for (k,) in alone})) if small else {}
         everything, affine = alone | pairs, self.affine()
         for starts in (self.apart(best_first(everything), BEAM), [affine] if affine else []):
             everything.update(self.beam(starts, max((everything.get(one, 0.0) for one in starts), default=0.0)))
         for chosen in self.apart(best_first(everything), SWAPPED):
             everything.update(self.swapped(chosen, everything[chosen]))
-        by_size = [self.apart(best_first(some), LOOKED_AT) for some in (everything, alone, pairs)]
-        drafts = [self.draft_of(one) for one in dict.fromkeys(one for some in by_size for one in some)]
+        best = [
+            self.apart(best_first(some), LOOKED_AT) for some in ((everything, alone, pairs) if small else (everything,))
+        ]
+        drafts = [self.draft_of(one) for one in dict.fromkeys(one for some in best for one in some)]
         for most, steps in ((len(drafts), 1), (REFINED, CONSTANT_STEPS)):
             drafts = [self.regression.refined(draft, steps) for draft in drafts[:most]]
             drafts.sort(key=lambda draft: -draft.worth)
@@ -183,11 +185,7 @@ class _Beam:
         """A constant and the drivers as they are, where they are few: a simulator that was linearised lacks these too."""
         forms = [(), *((("v", name),) for name in self.regression.drivers.present)]
         plain = [k for k, term in enumerate(self.library.terms) if structure([term])[0] in forms]
-        return (
-            tuple(plain)
-            if len(plain) <= MOST_AFFINE and self.allows(plain)
-            else ()
-        )
+        return tuple(plain) if len(plain) <= MOST_AFFINE and self.allows(plain) else ()
 
     def beam(self, beams: Sequence[tuple[int, ...]], best: float) -> dict[tuple[int, ...], float]:
         """Formulae that grow from some, the best of every size, as long as that gains on the best."""

@@ -10,10 +10,12 @@ from typing import NamedTuple
 import numpy as np
 
 from sksurrogate.effects._balance import ConstantBias
+from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.effects._parameter import ParameterError
 from sksurrogate.gap.fit._neighbours import is_near
-from sksurrogate.gap.fit._ode import OdeCandidate
+from sksurrogate.gap.fit._ode import OdeBackend, OdeCandidate
 from sksurrogate.gap.fit._pushes import STEP_OF_SLOPES
-from sksurrogate.gap.unnamed._elements import elements_along
+from sksurrogate.gap.unnamed._elements import PARAMETER_STEP, elements_along
 from sksurrogate.gap.unnamed._law_shapes import (
     SignalForms,
     laws,
@@ -118,13 +120,30 @@ def response(
     return moved if shown is None else moved + shown[:, None] * (f if now is None else now)
 
 
-def port_push(null: OdeCandidate, x: np.ndarray, name: str) -> np.ndarray:
-    """Effect of a unit at an input or a further port over one sample on the states, (n_states, 1, n_samples)."""
-    problem, inputs = null.problem, null.problem.plant.inputs
-    if name in inputs:
-        return input_gain(null, inputs.index(name), x)[0][:, None]
-    step = STEP_OF_SLOPES * max(problem.port_rate(name), 1e-9)
-    pushed = problem.augmented((ConstantBias(name), *null.effects)).bind(np.r_[step, null.fit.theta][:, None])
+def push_at(null: OdeCandidate, x: np.ndarray, name: str, kind: str) -> np.ndarray:
+    """Effect of a unit at an input or a further port, or of a parameter, over one sample on the states, (n_states, 1, n_samples)."""
+    problem, plant = null.problem, null.problem.plant
+    if kind == "parameter":
+        return _pushed(null, x, ParameterError(name), PARAMETER_STEP) / (plant.params[name] or 1.0)
+    if name in plant.inputs:
+        return input_gain(null, plant.inputs.index(name), x)[0][:, None]
+    return _pushed(null, x, ConstantBias(name), STEP_OF_SLOPES * max(problem.port_rate(name), 1e-9))
+
+
+def size_at(problem: OdeBackend, name: str, kind: str) -> float:
+    """Size of what counts as one at an input or a further port, or of a parameter."""
+    plant = problem.plant
+    if kind == "parameter":
+        return abs(plant.params[name]) or 1.0
+    at_input = name in plant.inputs
+    return max(
+        float(np.std(problem.record.u[plant.inputs.index(name)]) if at_input else problem.port_rate(name)), 1e-12
+    )
+
+
+def _pushed(null: OdeCandidate, x: np.ndarray, effect: BaseEffect, step: float) -> np.ndarray:
+    """What a unit of the one parameter of an effect changes in the states over one sample, (n_states, 1, n_samples)."""
+    pushed = null.problem.augmented((effect, *null.effects)).bind(np.r_[step, null.fit.theta][:, None])
     given, x = null.model.bind(null.fit.theta[:, None]), x[:, None]
     with np.errstate(all="ignore"):
         return (pushed(x) - given(x)) / step

@@ -14,7 +14,7 @@ from sksurrogate.gap.results._next_experiment import NATS_THAT_SETTLE
 from sksurrogate.gap.unnamed._channel import Place, fit_signal
 from sksurrogate.gap.unnamed._channels import Channels
 from sksurrogate.gap.unnamed._law_left import LawLeft
-from sksurrogate.gap.unnamed._law_places import port_push
+from sksurrogate.gap.unnamed._law_places import push_at, size_at
 from sksurrogate.gap.unnamed._law_shapes import AND_ITS_PAST
 from sksurrogate.gap.unnamed._smoothed_path import paths
 
@@ -69,7 +69,8 @@ def distinct(found: Iterable[Place]) -> list[Place]:
 
 
 def places(null: OdeCandidate, rough: bool = False) -> list[Place]:
-    """Likelihood of the null with a free latent signal in one place at a time: every balance, input and sensor.
+    """Likelihood of the null with a free latent signal in one place at a time: every balance, input and sensor, and every
+    parameter that moves several balances (a law of one that moves a single one is a law of that balance).
 
     Its size is fitted from two correlation times, the white noise with it; ``rough``, where no place is the likely one, from
     one and with the white noise of differences.
@@ -88,13 +89,17 @@ def places(null: OdeCandidate, rough: bool = False) -> list[Place]:
 
         for b, name in enumerate(problem.balances):
             found.append(Place(name, "state", likelihood(forces[:, b : b + 1], units[b])))
-        for i, name in enumerate(problem.plant.inputs):
-            push = port_push(null, x, name)
+        for name in problem.plant.inputs:
+            push = push_at(null, x, name, "input")
             twin = _same_push(push, forces)
             if twin is not None:
                 found.append(Place(name, "input", found[twin].log_likelihood))
             elif np.any(push):
-                found.append(Place(name, "input", likelihood(push, max(float(np.std(record.u[i])), 1e-12))))
+                found.append(Place(name, "input", likelihood(push, size_at(problem, name, "input"))))
+        for name in problem.plant.params:
+            push = push_at(null, x, name, "parameter")
+            if np.isfinite(push).all() and np.sum(np.any(push[problem.rows_of_balances], axis=(1, 2))) > 1:
+                found.append(Place(name, "parameter", likelihood(push, size_at(problem, name, "parameter"))))
         for j, name in enumerate(problem.plant.outputs):
             found.append(Place(name, "output", likelihood(forces[:, :1], units[0], j)))
     return sorted(found, key=lambda place: -place.log_likelihood)

@@ -61,7 +61,7 @@ def shape_of(channel: Channel, drivers: Drivers, drafts: Sequence[Draft]) -> Mis
     ]
     effects = (
         []
-        if drivers.kind in ("output", "parameter")
+        if drivers.kind == "output"
         else [drivers.effect(draft.terms, draft.coefficients_alone, False) for _, draft in listed[:MOST_LAWS]]
     )
     return MissingTerm(drivers.location, drivers.kind, tuple(curves), tuple(texts), tuple(effects))

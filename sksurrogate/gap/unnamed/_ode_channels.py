@@ -15,7 +15,7 @@ from sksurrogate.gap.unnamed._channel import Channel, fit_signal
 from sksurrogate.gap.unnamed._channels import Channels
 from sksurrogate.gap.unnamed._drivers import Drivers, drivers_at
 from sksurrogate.gap.unnamed._elements import elements_along
-from sksurrogate.gap.unnamed._law_places import port_push
+from sksurrogate.gap.unnamed._law_places import push_at, size_at
 from sksurrogate.gap.unnamed._smoothed_path import paths
 from sksurrogate.kernels.disturbance import Noise
 from sksurrogate.kernels.integrate import state_jacobian
@@ -26,7 +26,7 @@ def channel_of(null: OdeCandidate, location: str, kind: str) -> Channel:
     """The null with one free signal at a place, linearised about the path that it gives.
 
     ``null``: the simulator, free parameters re-tuned.
-    ``location, kind``: state, input, output, or the parameter of an element.
+    ``location, kind``: state, input, output or parameter.
     LinAlgError where no noise can be followed along any path near the data.
     """
     null = on_record(null, blocked(null.problem.record))
@@ -72,8 +72,8 @@ def _soft(problem: OdeBackend, null: OdeCandidate, location: str, kind: str) -> 
     """Balances that the signal at a place moves."""
     if kind == "state" and location in problem.balances:
         return (location,)
-    if kind == "input":
-        push = port_push(null, null.fit.x, location)
+    if kind in ("input", "parameter"):
+        push = push_at(null, null.fit.x, location, kind)
         size = np.sqrt(np.mean(push[: len(problem.scale), 0] ** 2, axis=1)) / problem.scale
         moved = [s for s, v in zip(problem.plant.states, size) if v > 0.1 * size.max() and s in problem.balances]
         return tuple(moved) or problem.balances
@@ -92,15 +92,8 @@ def _about(
     whole = problem.disturbance_along(null.model, null.fit.theta, x, lin.A, soft)
     B = whole.B.transpose(1, 2, 0)[:, :1]
     unit = float(problem.rate[plant.states.index(soft[0])])
-    if kind == "input":
-        at_input = location in plant.inputs
-        size = np.std(record.u[plant.inputs.index(location)]) if at_input else problem.port_rate(location)
-        B, unit = port_push(null, x, location), max(float(size), 1e-12)
-    wanted = [location] if kind == "parameter" else []
-    element = next(iter(elements_along(problem.model, record, x, wanted)), None)
-    if element is not None:
-        shares = element.direction[problem.rows_of_balances]
-        B, unit = np.einsum("tib,b->it", whole.B, shares)[:, None], float(problem.force_unit() @ np.abs(shares))
+    if kind in ("input", "parameter"):
+        B, unit = push_at(null, x, location, kind), size_at(problem, location, kind)
     D = whole.with_forces(B)
     linear = linear_set(about)
     sensor = sensor_at(null, location, kind)
@@ -109,8 +102,8 @@ def _about(
         raise np.linalg.LinAlgError("the noise model gives no likelihood along this path")
     push = B[:, 0] if sensor is None else None
     signals = problem.signals_along(x)
-    if element is not None:
-        signals[f"flow of {location}"] = element.flow
+    wanted = [location] if kind == "parameter" else []
+    signals |= {f"flow of {one.parameter}": one.flow for one in elements_along(problem.model, record, x, wanted)}
     return (
         Channel(location, kind, record, D, noise, linear, push, sensor, unit, held, signals, value, x, len(soft)),
         lin.x,
