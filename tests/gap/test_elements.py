@@ -58,7 +58,10 @@ def test_a_spring_that_is_stiffer_in_compression_is_a_law_of_the_spring():
     assert (law.location, law.kind) == ("k", "parameter")
     assert law.curves[0].variable == "flow of k" or law.curves[0].explained > 0.8
     assert (report.remainder.location, report.remainder.kind) == ("k", "parameter")
-    for stretch, stiffness in ((-0.1, 30.0), (0.1, 20.0)):  # a mean stiffness is named, and a law of the stretch beside it
+    for stretch, stiffness in (
+        (-0.1, 30.0),
+        (0.1, 20.0),
+    ):  # a mean stiffness is named, and a law of the stretch beside it
         found = diagnoser.augmented_.values[0]["relative_error"]
         assert 20.0 * (1.0 + found) + law.law.value({"a": stretch, "c": 0.0}) == pytest.approx(stiffness, rel=0.05)
 

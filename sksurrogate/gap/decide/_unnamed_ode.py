@@ -178,7 +178,12 @@ class OdeUnnamed(BaseUnnamed[OdeCandidate]):
         beside = self.beside
         first = (beside.location, beside.kind) if named and beside is not None else self.likely_place(final)
         plant = self.search.problem.plant
-        by_kind = {"state": self.search.problem.balances, "input": plant.inputs, "output": plant.outputs, "parameter": plant.params}
+        by_kind = {
+            "state": self.search.problem.balances,
+            "input": plant.inputs,
+            "output": plant.outputs,
+            "parameter": plant.params,
+        }
 
         def allowed(name: str | None, kind: str | None) -> bool:
             return name in by_kind.get(str(kind), ()) and name not in self.excluded

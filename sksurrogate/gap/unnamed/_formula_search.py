@@ -161,20 +161,20 @@ class _Beam:
     def pairs(self, some: Sequence[int]) -> dict[tuple[int, ...], float]:
         """The best of all sums of two of some terms: two may explain together what neither explains alone."""
         one, linear = self.regression, self.regression.channel.linear
-        A, some = self.rows[:, some], np.asarray(some)
+        at, A = np.array(some), self.rows[:, some]
         solution = inverse(one.K[1:, 1:] + np.diag(linear.precision))
         g = one.K[1:, 0] + linear.pull
-        own = self.columns(some) @ self.library.columns[some].T - A[1:].T @ solution @ A[1:]
+        own = self.columns(some) @ self.library.columns[at].T - A[1:].T @ solution @ A[1:]
         rest, size = A[0] - g @ solution @ A[1:], np.diag(own)
         det = np.outer(size, size) - own**2
         gain = 0.5 * (np.outer(rest**2, size) - 2.0 * np.outer(rest, rest) * own + np.outer(size, rest**2))
-        costs = self.costs[some]
+        costs = self.costs[at]
         worth = gain / np.maximum(det, 1e-300) - costs[:, None] - costs + 0.5 * float(g @ solution @ g)
-        known = size > OWN * self.diagonal[some]
+        known = size > OWN * self.diagonal[at]
         worth[~(np.outer(known, known) & (det > OWN * np.outer(size, size)))] = -np.inf
         i, j = np.triu_indices(len(some), 1)
         first = np.argsort(-worth[i, j])[: TRIED * BEAM]
-        found = {(int(some[a]), int(some[b])): float(worth[a, b]) for a, b in zip(i[first], j[first])}
+        found = {(int(at[a]), int(at[b])): float(worth[a, b]) for a, b in zip(i[first], j[first])}
         return {k: v for k, v in found.items() if np.isfinite(v) and self.allows(k)}
 
     def allows(self, chosen: Sequence[int]) -> bool:
