@@ -113,3 +113,24 @@ def test_a_law_at_a_port_is_in_the_unit_of_the_port():
     assert parameter_unit(found, "coefficient", units) == over("N m", "rad/s")
     dry_one = EffectEstimate("coulomb_friction", "t2", "v2", 1.0, {"level": 0.1}, {}, 1.0, at_port=True)
     assert parameter_unit(dry_one, "level", units) == "N m"
+
+
+def test_a_force_without_a_name_at_a_further_port_is_a_law_there():
+    """A magnet at the elbow: no effect has its form, and it moves both joints through the mass matrix."""
+
+    def pull(v, q):
+        return 0.08 * np.sin(5.0 * q)
+
+    def rates(t, x, u, p):
+        return arm_rates(t, x, (u[0], u[1] - pull(x[3], x[1])), p)
+
+    real, rng = arm().set_params(rhs=rates), np.random.default_rng(0)
+    U = np.repeat(rng.uniform(-1, 1, size=(RUNS, N // 15, 2)) * [1.0, 0.3], 15, axis=1)
+    X0 = 0.3 * rng.normal(size=(RUNS, 4))
+    y = np.concatenate([real.simulate(u, x0) for u, x0 in zip(U, X0)])
+    y = y + 5e-4 * rng.normal(size=y.shape)
+    diagnoser = GapDiagnoser(arm(Offered, offered_rates), effects=["linear_loss", "input_gain"], n_jobs=1, random_state=0)
+    report = diagnoser.fit(U.reshape(-1, 2), y, groups=np.repeat(np.arange(RUNS), N)).report_
+    law, q = report.missing_term.law, np.linspace(-1.2, 1.2, 20)
+    assert (law.location, law.kind, law.variables, law.certified) == ("elbow", "input", ("q2",), True)
+    np.testing.assert_allclose(law.value({"q2": q}), -pull(0.0, q), atol=2e-3)

@@ -180,7 +180,7 @@ class OdeUnnamed(BaseUnnamed[OdeCandidate]):
         plant = self.search.problem.plant
         by_kind = {
             "state": self.search.problem.balances,
-            "input": plant.inputs,
+            "input": plant.ports,
             "output": plant.outputs,
             "parameter": plant.params,
         }

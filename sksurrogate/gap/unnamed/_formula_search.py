@@ -161,7 +161,7 @@ class _Beam:
     def pairs(self, some: Sequence[int]) -> dict[tuple[int, ...], float]:
         """The best of all sums of two of some terms: two may explain together what neither explains alone."""
         one, linear = self.regression, self.regression.channel.linear
-        at, A = np.array(some), self.rows[:, some]
+        at, A = np.array(some, dtype=int), self.rows[:, some]
         solution = inverse(one.K[1:, 1:] + np.diag(linear.precision))
         g = one.K[1:, 0] + linear.pull
         own = self.columns(some) @ self.library.columns[at].T - A[1:].T @ solution @ A[1:]

@@ -69,11 +69,11 @@ def distinct(found: Iterable[Place]) -> list[Place]:
 
 
 def places(null: OdeCandidate, rough: bool = False) -> list[Place]:
-    """Likelihood of the null with a free latent signal in one place at a time: every balance, input and sensor, and every
-    parameter that moves several balances (a law of one that moves a single one is a law of that balance).
+    """Likelihood of the null with a free latent signal in one place at a time: every balance, input and sensor.
 
-    Its size is fitted from two correlation times, the white noise with it; ``rough``, where no place is the likely one, from
-    one and with the white noise of differences.
+    Further ports, and parameters that move several balances (a law of one that moves a single one is a law of that balance), too.
+    Its size is fitted from two correlation times, the white noise with it; ``rough``, where no place is the likely one, at
+    balances, inputs and sensors alone, from one and with the white noise of differences.
     """
     problem = null.problem
     record, units = problem.record, problem.force_unit()
@@ -84,25 +84,36 @@ def places(null: OdeCandidate, rough: bool = False) -> list[Place]:
         whole, r = about.disturbance, about.residual
         forces = whole.B.transpose(1, 2, 0)
 
-        def likelihood(push: np.ndarray, unit: float, sensor: int | None = None) -> float:
+        def likelihood(push: np.ndarray, unit: float, sensor: int | None = None, rough: bool = rough) -> float:
             return fit_signal(whole.with_forces(push), r, problem.sd, record.spread, unit, sensor, rough=rough)[1]
 
         for b, name in enumerate(problem.balances):
             found.append(Place(name, "state", likelihood(forces[:, b : b + 1], units[b])))
-        for name in problem.plant.inputs:
+        for name in problem.plant.inputs if rough else problem.plant.ports:
             push = push_at(null, x, name, "input")
             twin = _same_push(push, forces)
             if twin is not None:
                 found.append(Place(name, "input", found[twin].log_likelihood))
             elif np.any(push):
                 found.append(Place(name, "input", likelihood(push, size_at(problem, name, "input"))))
-        for name in problem.plant.params:
-            push = push_at(null, x, name, "parameter")
-            if np.isfinite(push).all() and np.sum(np.any(push[problem.rows_of_balances], axis=(1, 2))) > 1:
-                found.append(Place(name, "parameter", likelihood(push, size_at(problem, name, "parameter"))))
+        acting = {} if rough else pushes_of_parameters(null, x)
+        sizes = {name: size_at(problem, name, "parameter") for name in acting}
+        first = sorted(acting, key=lambda name: -likelihood(acting[name], sizes[name], rough=True))
+        for name in first[:COMPARED]:
+            found.append(Place(name, "parameter", likelihood(acting[name], sizes[name])))
         for j, name in enumerate(problem.plant.outputs):
             found.append(Place(name, "output", likelihood(forces[:, :1], units[0], j)))
     return sorted(found, key=lambda place: -place.log_likelihood)
+
+
+def pushes_of_parameters(null: OdeCandidate, x: np.ndarray) -> dict[str, np.ndarray]:
+    """What a unit of each parameter moves the states by over one sample along a path, of those that move several balances."""
+    problem, found = null.problem, {}
+    for name in problem.plant.params if problem.plant.access == "rhs" else ():
+        push = push_at(null, x, name, "parameter")
+        if np.isfinite(push).all() and np.sum(np.any(push[problem.rows_of_balances], axis=(1, 2))) > 1:
+            found[name] = push
+    return found
 
 
 def _same_push(push: np.ndarray, forces: np.ndarray) -> int | None:
