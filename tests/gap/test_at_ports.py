@@ -129,7 +129,9 @@ def test_a_force_without_a_name_at_a_further_port_is_a_law_there():
     X0 = 0.3 * rng.normal(size=(RUNS, 4))
     y = np.concatenate([real.simulate(u, x0) for u, x0 in zip(U, X0)])
     y = y + 5e-4 * rng.normal(size=y.shape)
-    diagnoser = GapDiagnoser(arm(Offered, offered_rates), effects=["linear_loss", "input_gain"], n_jobs=1, random_state=0)
+    diagnoser = GapDiagnoser(
+        arm(Offered, offered_rates), effects=["linear_loss", "input_gain"], n_jobs=1, random_state=0
+    )
     report = diagnoser.fit(U.reshape(-1, 2), y, groups=np.repeat(np.arange(RUNS), N)).report_
     law, q = report.missing_term.law, np.linspace(-1.2, 1.2, 20)
     assert (law.location, law.kind, law.variables, law.certified) == ("elbow", "input", ("q2",), True)

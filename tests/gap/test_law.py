@@ -164,7 +164,7 @@ def test_a_law_acts_at_its_place_with_its_own_constants(kind, terms, theta, tmp_
     def rhs(t, x, u, p):
         lag = ([(x[0] if kind == "state" else u[0]) - x[1]][0]) / theta[-1]
         signals = {"h": x[0], "flow": u[0], "lag(h)": x[1], "lag(flow)": x[1]}
-        term = effect.value(signals, t, theta[:-1] if "lag" in terms[0].text else theta)
+        term = effect.added(signals, t, theta[:-1] if "lag" in terms[0].text else theta)
         pushed = term if kind in ("state", "input") else 0.0
         return [u[0] - 1.2 * x[0] + pushed, lag]
 
@@ -174,7 +174,7 @@ def test_a_law_acts_at_its_place_with_its_own_constants(kind, terms, theta, tmp_
     start = 1.0 if kind == "state" else float(U[0, 0])
     want = whole.simulate(U, x0=[1.0, start])
     if kind == "output":
-        want = want + effect.value({"h": want}, 0.0, theta)
+        want = want + effect.added({"h": want}, 0.0, theta)
     np.testing.assert_allclose(found, want, rtol=2e-3, atol=2e-3)
 
 

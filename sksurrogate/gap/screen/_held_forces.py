@@ -39,7 +39,7 @@ def following(pushes: np.ndarray, missed: np.ndarray, scale: np.ndarray) -> np.n
     ``scale`` (n_states,): size of the states.
 
     >>> pushes = np.array([[[2.0], [1.0]], [[0.0], [1.0]]])  # two ports, two states, one sample
-    >>> following(pushes, np.array([[4.0], [5.0]]), np.ones(2)).ravel().tolist()
+    >>> following(pushes, np.array([[4.0], [5.0]]), np.ones(2)).ravel().round(9).tolist()
     [2.0, 3.0]
     """
     moved = (pushes / scale[:, None]).transpose(2, 1, 0)
