@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
@@ -126,7 +126,7 @@ class Plant:
             return None
         return tuple(self.states.index(name) for name in self.outputs)
 
-    @property
+    @cached_property
     def further_ports(self) -> tuple[str, ...]:
         """Where forces can enter that are not inputs: what the simulator offers as ``ports``, as far as no state has the name."""
         if self.access == "trajectory":
@@ -134,7 +134,7 @@ class Plant:
         taken = {*self.inputs, *self.states}
         return tuple(name for name in offered_ports(self.simulator) if name not in taken)
 
-    @property
+    @cached_property
     def ports(self) -> tuple[str, ...]:
         """Where forces, flows or heat can enter: the inputs, then further ports."""
         return (*self.inputs, *self.further_ports)

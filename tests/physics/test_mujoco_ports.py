@@ -192,3 +192,13 @@ def part_of(part, k):
     if isinstance(part, dict):
         return {name: value[k] for name, value in part.items()}
     return part[..., k] if isinstance(part, np.ndarray) else part
+
+
+def test_a_model_in_a_file_is_not_looked_up_at_every_step(tmp_path, monkeypatch):
+    """What is known of a simulator is read once: a free run with a law at a joint asks for its ports at every step."""
+    (tmp_path / "arm.xml").write_text(ARM)
+    plant = describe(MuJoCoSimulator(tmp_path / "arm.xml", outputs=["elbow.pos"], dt=0.01))
+    asked, ports = [], MuJoCoSimulator.ports.fget
+    monkeypatch.setattr(MuJoCoSimulator, "ports", property(lambda self: asked.append(1) or ports(self)))
+    assert plant.ports == plant.ports == (*plant.inputs, "shoulder", "elbow")
+    assert len(asked) <= 1
