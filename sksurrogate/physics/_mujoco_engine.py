@@ -187,7 +187,9 @@ class Engine:
         if not all(self.parameters[name].admits(value) for name, value in fixed.items()):
             return
         if not varied:
-            yield [copies.get(0, fixed, timestep)], np.flatnonzero(sound)
+            with _silent():
+                one = copies.get(0, fixed, timestep)
+            yield [one], np.flatnonzero(sound)
             return
         names = list(varied)
         table = np.stack([np.broadcast_to(varied[name], sound.shape) for name in names])
@@ -199,10 +201,11 @@ class Engine:
         sets = table[:, rows[first]]
         for a in range(0, sets.shape[1], copies.most):
             chosen = (which >= a) & (which < a + copies.most)
-            models = [
-                copies.get(k, {**fixed, **dict(zip(names, values.tolist()))}, timestep)
-                for k, values in enumerate(sets[:, a : a + copies.most].T)
-            ]
+            with _silent():
+                models = [
+                    copies.get(k, {**fixed, **dict(zip(names, values.tolist()))}, timestep)
+                    for k, values in enumerate(sets[:, a : a + copies.most].T)
+                ]
             yield [models[k] for k in (which[chosen] - a).tolist()], rows[chosen]
 
     def _differing(self, p: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -319,8 +322,7 @@ class _Copies:
             own = {name: known[name].value for name in self._values[k] if name not in values}
             assign(model, origin, known, {**own, **values})
             if any(known[name].leads for name in (*own, *values)):
-                with _silent():
-                    self._set_const(model, self._scratch)
+                self._set_const(model, self._scratch)
             self._values[k] = dict(values)
         model.opt.timestep = self.engine.timestep if timestep is None else timestep
         return model

@@ -44,12 +44,16 @@ def percent(share: float) -> str:
 
 
 def interval_text(low: float, high: float) -> str:
-    """An interval, empty where it is not known.
+    """An interval in as many digits as tell its ends apart, empty where it is not known.
 
-    >>> interval_text(1.0, float("inf")), interval_text(float("nan"), 2.0)
-    ('[1, inf]', '')
+    >>> interval_text(1.0, float("inf")), interval_text(float("nan"), 2.0), interval_text(1.09972, 1.10031)
+    ('[1, inf]', '', '[1.0997, 1.1003]')
     """
-    return "" if np.isnan(low) or np.isnan(high) else f"[{number(low)}, {number(high)}]"
+    if np.isnan(low) or np.isnan(high):
+        return ""
+    ends = ((number(low, digits), number(high, digits)) for digits in range(4, 17))
+    first, last = next((pair for pair in ends if pair[0] != pair[1]), (number(low), number(high)))
+    return f"[{first}, {last}]"
 
 
 def confidence(probability: float) -> str:
