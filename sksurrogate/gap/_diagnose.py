@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from numbers import Integral, Real
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from sklearn.base import BaseEstimator
 from sklearn.utils import check_random_state
+from sklearn.utils._param_validation import HasMethods, Interval
 
 from sksurrogate._columns import by_name
 from sksurrogate._parallel._pickled import refuse_what_stays
@@ -130,6 +131,16 @@ class GapDiagnoser(BaseEstimator):
     ('explained', 'cubic_stiffness')
     """
 
+    _parameter_constraints: ClassVar[dict[str, list[Any]]] = {
+        "simulator": [HasMethods("simulate")],
+        "free_params": ["array-like", str, None],
+        "clock_offset": [Interval(Real, 0, None, closed="left")],
+        "tolerance": [Interval(Real, 0, 1, closed="neither")],
+        "time_limit": [Interval(Real, 0, None, closed="neither"), None],
+        "n_jobs": [Integral, None],
+        "verbose": ["verbose"],
+        "random_state": ["random_state"],
+    }
     __metadata_request__fit = {"groups": True}
     report_: GapReport
     augmented_: AugmentedSimulator

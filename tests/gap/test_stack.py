@@ -63,7 +63,8 @@ def test_no_third_effect_with_states_of_its_own_is_asked_for(monkeypatch):
     monkeypatch.setattr(OdeSearch, "searching", lambda self, base: problem)
     monkeypatch.setattr(OdeSearch, "guess", lambda self, base: None)
     empty = SimpleNamespace(starts=[])
-    monkeypatch.setattr(OdeSearch, "screened", lambda self, candidates, *rest: asked.append(candidates) or empty)
+    module = "sksurrogate.gap.search._expander"
+    monkeypatch.setattr(f"{module}.screen", lambda candidates, *rest, **more: asked.append(candidates) or empty)
     for effects in [(lag,), (lag, mode)]:
         keys = tuple(effect.key for effect in effects)
         base = OdeCandidate(effects, of_cost(1).fit, problem, None)
