@@ -15,7 +15,7 @@ from sksurrogate.gap.unnamed._channel import Channel
 from sksurrogate.gap.unnamed._drivers import Drivers
 from sksurrogate.gap.unnamed._families import FAMILIES, factors_of
 from sksurrogate.gap.unnamed._formula_regression import Draft, Regression
-from sksurrogate.gap.unnamed._formula_search import _Beam, drafts_at, simplest
+from sksurrogate.gap.unnamed._formula_search import _Beam, drafts_at, simplest, without_repeats
 from sksurrogate.gap.unnamed._grammar import terms_of
 from sksurrogate.gap.unnamed._missing_term import shape_of
 from sksurrogate.gap.unnamed._regions import regions
@@ -296,3 +296,16 @@ def test_constants_are_found_that_are_not_in_the_library(record, centre, power):
 def test_the_best_of_every_size_is_simplest():
     drafts = [Draft((Term(),) * n, np.zeros(n), None) for n in (3, 4, 2, 2, 1, 3)]
     assert simplest(drafts) == [drafts[0], drafts[2], drafts[4]]
+
+
+def test_a_formula_that_repeats_a_shorter_one_is_left_out():
+    v = np.linspace(-1.0, 1.0, 50)
+    drafts = [Draft((Term(),) * n, np.zeros(n), None) for n in (2, 1, 2, 1)]
+    assert without_repeats(drafts, [3e6 * np.sin(1e-6 * v), v, v + 0.1 * v**3, 2.0 * v]) == drafts[1:]
+
+
+def test_a_proportional_term_is_no_sine_of_a_frequency_near_zero(record):
+    c = channel(record, lambda z: 0.8 * z[0])
+    found = drafts_at(c, Drivers("x", "state", c.signals, {}))
+    assert found[0].text.endswith("*a")
+    assert max(float(np.max(np.abs(draft.coefficients))) for draft in found) < 1e4

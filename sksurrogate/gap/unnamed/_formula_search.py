@@ -32,6 +32,8 @@ MOST_TERMS, BEAM, TRIED = 5, 6, 6
 LOOKED_AT, REFINED = 24, 12
 #: Formulae that are judged under noise of their own, beside the best of every size.
 SETTLED = 3
+#: Share of a formula along the path that is no multiple of another, below which it says the same.
+REPEATED = 1e-3
 #: Formulae whose terms are chosen again, and rounds of it.
 SWAPPED, SWAPS = 3, 4
 #: Terms of an affine beginning.
@@ -75,7 +77,24 @@ def drafts_at(channel: Channel, drivers: Drivers) -> list[Draft]:
             kept.append(draft)
     best = dict.fromkeys([*simplest(kept), *kept[:SETTLED]])
     alone = [under_its_own_noise(channel, drivers, draft) for draft in best]
-    return [*sorted(alone, key=lambda draft: -draft.level), *(draft for draft in kept if draft not in best)]
+    ranked = [*sorted(alone, key=lambda draft: -draft.level), *(draft for draft in kept if draft not in best)]
+    return without_repeats(ranked, [one.coefficients @ drivers.values(one.terms, channel.record) for one in ranked])
+
+
+def without_repeats(drafts: Sequence[Draft], values: Sequence[np.ndarray]) -> list[Draft]:
+    """Formulae without those that are a multiple of one of fewer parameters along the path, nearly: as ``1e9 sin(1e-9 v)`` of ``v``."""
+    told: list[int] = []
+    for k in sorted(range(len(drafts)), key=lambda k: len(drafts[k].values)):
+        fewer = (values[j] for j in told if len(drafts[j].values) < len(drafts[k].values))
+        if not any(_multiple(values[k], other) for other in fewer):
+            told.append(k)
+    return [drafts[k] for k in sorted(told)]
+
+
+def _multiple(z: np.ndarray, other: np.ndarray) -> bool:
+    """Whether one signal is nearly a multiple of another."""
+    left = z - other * (float(z @ other) / max(float(other @ other), 1e-300))
+    return bool(np.linalg.norm(left) < REPEATED * np.linalg.norm(z))
 
 
 def simplest(ranked: Sequence[Draft]) -> list[Draft]:
