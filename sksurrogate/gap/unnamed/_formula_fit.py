@@ -75,9 +75,9 @@ def fitted_laws(
         drafts = channels.drafts(location, kind)
         best = max([best, *(draft.level for draft in drafts)])
         near = [draft for draft in drafts if draft.level > best - OUT_OF_REACH]
-        chosen = near[:FITTED_ELSEWHERE] if rank else [*dict.fromkeys([*simplest(drafts), *near])][:FITTED_HERE]
+        chosen = near[:FITTED_ELSEWHERE] if rank else [*near[:FITTED_HERE], *simplest(drafts)[:FITTED_HERE]]
         curve = None if rank else curve_at(channel, drivers, drafts)
-        for draft in [*chosen, *([] if curve is None else [curve])]:
+        for draft in dict.fromkeys([*chosen, *([] if curve is None else [curve])]):
             fitted = fitted_draft(search, base, channel.x, draft, drivers)
             if fitted is not None:
                 found = Evidence(fitted, base.noise, -np.inf)

@@ -20,16 +20,16 @@ from sksurrogate.effects._formula import Term
 from sksurrogate.gap.fit._normal_equations import inverse
 from sksurrogate.gap.unnamed._channel import Channel
 from sksurrogate.gap.unnamed._drivers import Drivers
-from sksurrogate.gap.unnamed._formula_regression import CONSTANT_STEPS, Draft, Regression
+from sksurrogate.gap.unnamed._formula_regression import Draft, Regression
 from sksurrogate.gap.unnamed._grammar import price_of, structure
 from sksurrogate.gap.unnamed._term_library import Library
 from sksurrogate.kernels.disturbance import Noise
 
 #: Terms of a formula; formulae kept while it grows; further terms tried for each.
 MOST_TERMS, BEAM, TRIED = 5, 6, 6
-#: Formulae whose constants take one step, of all, of single terms and of pairs: none of the few values in the library may be near;
-#: the best of them, whose constants are fitted.
-LOOKED_AT, REFINED = 24, 12
+#: Formulae whose constants are fitted; single terms and pairs whose constants take one step before the best of them are fitted: none
+#: of the few values in the library may be near.
+REFINED, LOOKED_AT = 10, 24
 #: Formulae that are judged under noise of their own, beside the best of every size.
 SETTLED = 3
 #: Share of a formula along the path that is no multiple of another, below which it says the same.
@@ -168,14 +168,12 @@ class _Beam:
             everything.update(self.beam(starts, max((everything.get(one, 0.0) for one in starts), default=0.0)))
         for chosen in self.apart(best_first(everything), SWAPPED):
             everything.update(self.swapped(chosen, everything[chosen]))
-        best = [
-            self.apart(best_first(some), LOOKED_AT) for some in ((everything, alone, pairs) if small else (everything,))
-        ]
-        drafts = [self.draft_of(one) for one in dict.fromkeys(one for some in best for one in some)]
-        for most, steps in ((len(drafts), 1), (REFINED, CONSTANT_STEPS)):
-            drafts = [self.regression.refined(draft, steps) for draft in drafts[:most]]
-            drafts.sort(key=lambda draft: -draft.worth)
-        return drafts
+        refined = self.regression.refined
+        whole = [refined(self.draft_of(one)) for one in self.apart(best_first(everything), REFINED)]
+        few = [self.apart(best_first(some), LOOKED_AT) for some in ((alone, pairs) if small else ())]
+        looked = [refined(self.draft_of(one), 1) for some in few for one in some]
+        looked.sort(key=lambda draft: -draft.worth)
+        return sorted([*whole, *map(refined, looked[:REFINED])], key=lambda draft: -draft.worth)
 
     def pairs(self, some: Sequence[int]) -> dict[tuple[int, ...], float]:
         """The best of all sums of two of some terms: two may explain together what neither explains alone."""
