@@ -27,8 +27,8 @@ from sksurrogate.kernels.disturbance import Noise
 
 #: Terms of a formula; formulae kept while it grows; further terms tried for each.
 MOST_TERMS, BEAM, TRIED = 5, 6, 6
-#: Formulae whose constants are fitted; single terms and pairs whose constants take one step before the best of them are fitted: none
-#: of the few values in the library may be near.
+#: Formulae whose constants are fitted; of all, of single terms and of pairs whose constants take one step before the best of these are
+#: fitted too: none of the few values in the library may be near.
 REFINED, LOOKED_AT = 10, 24
 #: Formulae that are judged under noise of their own, beside the best of every size.
 SETTLED = 3
@@ -168,12 +168,14 @@ class _Beam:
             everything.update(self.beam(starts, max((everything.get(one, 0.0) for one in starts), default=0.0)))
         for chosen in self.apart(best_first(everything), SWAPPED):
             everything.update(self.swapped(chosen, everything[chosen]))
-        refined = self.regression.refined
-        whole = [refined(self.draft_of(one)) for one in self.apart(best_first(everything), REFINED)]
-        few = [self.apart(best_first(some), LOOKED_AT) for some in ((alone, pairs) if small else ())]
-        looked = [refined(self.draft_of(one), 1) for some in few for one in some]
-        looked.sort(key=lambda draft: -draft.worth)
-        return sorted([*whole, *map(refined, looked[:REFINED])], key=lambda draft: -draft.worth)
+        refined, first = self.regression.refined, self.apart(best_first(everything), REFINED)
+        others = [
+            self.apart(best_first(some), LOOKED_AT) for some in ((everything, alone, pairs) if small else (everything,))
+        ]
+        further = [one for one in dict.fromkeys(one for some in others for one in some) if one not in first]
+        looked = sorted((refined(self.draft_of(one), 1) for one in further), key=lambda draft: -draft.worth)
+        drafts = [*(refined(self.draft_of(one)) for one in first), *map(refined, looked[:REFINED])]
+        return sorted(drafts, key=lambda draft: -draft.worth)
 
     def pairs(self, some: Sequence[int]) -> dict[tuple[int, ...], float]:
         """The best of all sums of two of some terms: two may explain together what neither explains alone."""
