@@ -1,11 +1,15 @@
 """Elements: what a parameter scales in several balances; laws of their own flow are one place."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from sksurrogate.effects import load_augmented, save_augmented
 from sksurrogate.gap import GapDiagnoser
+from sksurrogate.gap.fit._build import build_problem
 from sksurrogate.gap.unnamed._elements import elements_along
+from sksurrogate.gap.unnamed._law_places import push_at
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics import ODESimulator
 from sksurrogate.physics._model import PlantModel
@@ -99,3 +103,16 @@ def test_a_parameter_that_depends_on_a_state_is_a_law_of_the_parameter(tmp_path)
     better = load_augmented(reactor(), tmp_path / "reactor.json")
     left = better.simulate(U[4][:, None], x0=[1.0, 0.5]) - Y[4]
     assert np.all(np.std(left, axis=0) < 0.01 * Y[4].std(axis=0))
+
+
+def test_a_unit_of_a_parameter_moves_the_same_whether_it_is_re_tuned_or_given():
+    U = [np.repeat(np.random.default_rng(0).uniform(-0.2, 0.8, (6, 1)), 10, axis=0)]
+    record = Record.from_runs(U, [reactor().simulate(U[0], x0=[1.0, 0.5])], [0.2 * np.arange(60)], 0.2)
+    pushes = []
+    for k, free, theta in ((0.6, ("k",), [np.log(2.0)]), (1.2, (), [])):
+        plant = describe(reactor().set_params(params={"k": k}), n_inputs=1, n_outputs=2, dt=0.2)
+        problem, _ = build_problem(plant, PlantModel(plant), record, free, plant.states)
+        null = problem.fit((), np.array(theta), record.y)
+        null = replace(null, fit=replace(null.fit, theta=np.array(theta)))  # the record is that of k = 0.6
+        pushes.append(push_at(null, record.y, "k", "parameter")[:, 0])
+    np.testing.assert_allclose(pushes[0], pushes[1], rtol=1e-3, atol=1e-5)

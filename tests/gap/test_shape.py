@@ -14,8 +14,9 @@ from sksurrogate.gap.unnamed import _term_library
 from sksurrogate.gap.unnamed._channel import Channel
 from sksurrogate.gap.unnamed._drivers import Drivers
 from sksurrogate.gap.unnamed._families import FAMILIES, factors_of
+from sksurrogate.gap.unnamed._formula_beam import Beam
 from sksurrogate.gap.unnamed._formula_regression import Draft, Regression
-from sksurrogate.gap.unnamed._formula_search import _Beam, drafts_at, simplest, without_repeats
+from sksurrogate.gap.unnamed._formula_search import drafts_at, simplest, without_repeats
 from sksurrogate.gap.unnamed._grammar import terms_of
 from sksurrogate.gap.unnamed._missing_term import shape_of
 from sksurrogate.gap.unnamed._regions import regions
@@ -246,7 +247,7 @@ def test_a_family_is_tried_for_the_drivers_that_it_suits():
 
 def beam_of(c):
     drivers = Drivers("x", "state", c.signals, {})
-    return _Beam(Regression(c, drivers, c.noise), Library.of(c, drivers))
+    return Beam(Regression(c, drivers, c.noise), Library.of(c, drivers))
 
 
 def test_all_sums_of_two_terms_are_worth_what_their_regression_says(record):

@@ -1,45 +1,27 @@
-"""Formulae for what is missing at a place: sums of terms that grow in a beam.
+"""The formulae of most worth at a place: grown under more and more exact noise, the best of every size, none that repeats another.
 
-The terms of the grammar are columns of a regression (`_formula_regression`); sums of few of them grow by what they explain less what
-they cost, in nats. The free run decides among the best (`_formula_fit`).
-
-References
-----------
-Brunton, Proctor, Kutz, *Discovering governing equations from data by sparse identification*, PNAS 113 (2016).
+The free run decides among them (`_formula_fit`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from sksurrogate.effects._formula import Term
-from sksurrogate.gap.fit._normal_equations import inverse
 from sksurrogate.gap.unnamed._channel import Channel
 from sksurrogate.gap.unnamed._drivers import Drivers
+from sksurrogate.gap.unnamed._formula_beam import Beam
 from sksurrogate.gap.unnamed._formula_regression import Draft, Regression
-from sksurrogate.gap.unnamed._grammar import price_of, structure
 from sksurrogate.gap.unnamed._term_library import Library
 from sksurrogate.kernels.disturbance import Noise
 
-#: Terms of a formula; formulae kept while it grows; further terms tried for each.
-MOST_TERMS, BEAM, TRIED = 5, 6, 6
-#: Formulae whose constants are fitted; of all, of single terms and of pairs whose constants take one step before the best of these are
-#: fitted too: none of the few values in the library may be near.
-REFINED, LOOKED_AT = 10, 24
 #: Formulae that are judged under noise of their own, beside the best of every size.
 SETTLED = 3
 #: Share of a formula along the path that is no multiple of another, below which it says the same.
 REPEATED = 1e-3
-#: Formulae whose terms are chosen again, and rounds of it.
-SWAPPED, SWAPS = 3, 4
-#: Terms of an affine beginning.
-MOST_AFFINE = 4
-#: A column of which less than this share (power) is its own beside others tells nothing more.
-OWN = 1e-5
 #: Pieces of a free curve; share of the samples beyond either end of it.
 SPLINE_PIECES, EDGE = 10, 0.002
 
@@ -48,7 +30,7 @@ def drafts_at(channel: Channel, drivers: Drivers) -> list[Draft]:
     """The formulae of most worth at a place, best first, each structure once.
 
     First under the noise in which a free signal explains the gap, then under the noise that the best formula leaves; at last each of
-    the best under the noise that it leaves itself: a formula that is nearly right leaves less than any noise told before.
+    the best under the noise that it leaves itself: a formula that is nearly right leaves less noise than any before it.
     """
     if not drivers.moving:
         return []
@@ -60,7 +42,7 @@ def drafts_at(channel: Channel, drivers: Drivers) -> list[Draft]:
     for first in (True, False):
         regression = Regression(channel, drivers, noise)
         try:
-            drafts = _Beam(regression, library).drafts(small=first)
+            drafts = Beam(regression, library).drafts(small=first)
         except np.linalg.LinAlgError:
             break
         for draft in drafts:
@@ -83,12 +65,12 @@ def drafts_at(channel: Channel, drivers: Drivers) -> list[Draft]:
 
 def without_repeats(drafts: Sequence[Draft], values: Sequence[np.ndarray]) -> list[Draft]:
     """Formulae without those that are a multiple of one of fewer parameters along the path, nearly: as ``1e9 sin(1e-9 v)`` of ``v``."""
-    told: list[int] = []
+    kept: list[int] = []
     for k in sorted(range(len(drafts)), key=lambda k: len(drafts[k].values)):
-        fewer = (values[j] for j in told if len(drafts[j].values) < len(drafts[k].values))
+        fewer = (values[j] for j in kept if len(drafts[j].values) < len(drafts[k].values))
         if not any(_multiple(values[k], other) for other in fewer):
-            told.append(k)
-    return [drafts[k] for k in sorted(told)]
+            kept.append(k)
+    return [drafts[k] for k in sorted(kept)]
 
 
 def _multiple(z: np.ndarray, other: np.ndarray) -> bool:
@@ -132,160 +114,3 @@ def curve_at(channel: Channel, drivers: Drivers, drafts: Sequence[Draft]) -> Dra
     terms = tuple(Term((("spline", names[0], float(c), 0.0, float(step)),)) for c in centres)
     noise = noise_beside(channel, drivers, drafts[0]) if drafts else channel.noise
     return Regression(channel, drivers, noise).judged(Draft(terms, np.zeros(len(terms)), None))
-
-
-@dataclass(eq=False)
-class _Beam:
-    """Formulae that grow term by term from a library, under the noise of a regression."""
-
-    regression: Regression
-    library: Library
-    weighted: dict[int, np.ndarray] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        one, F = self.regression, self.library.columns
-        self.rows = one.base @ F.T
-        self.diagonal = one.channel.D.gram_rows(F.reshape(len(F), len(one.channel.r), -1), one.noise, 1)[1]
-        self.costs = np.array(
-            [price_of([t], one.n_drivers) + one.half_log * (1 + len(t.constants)) for t in self.library.terms]
-        )
-
-    def columns(self, some: Sequence[int]) -> np.ndarray:
-        """``S^-1`` of terms of the library, (n_terms, n_outputs * n_samples)."""
-        new = [k for k in some if k not in self.weighted]
-        if new:
-            F = self.library.columns[new].reshape(len(new), len(self.regression.channel.r), -1)
-            self.weighted.update(zip(new, self.regression.weights(F.transpose(1, 0, 2))))
-        return np.array([self.weighted[k] for k in some]).reshape(len(some), self.library.columns.shape[1])
-
-    def drafts(self, small: bool) -> list[Draft]:
-        """Formulae that grow term by term; the best of all with their constants fitted, and the best of one and of two terms if ``small``."""
-        alone = self.grown((), None)
-        plain = {k for k, term in enumerate(self.library.terms) if len(term.factors) < 2}
-        pairs = self.pairs(sorted(plain | {k for (k,) in alone})) if small else {}
-        everything, affine = alone | pairs, self.affine()
-        for starts in (self.apart(best_first(everything), BEAM), [affine] if affine else []):
-            everything.update(self.beam(starts, max((everything.get(one, 0.0) for one in starts), default=0.0)))
-        for chosen in self.apart(best_first(everything), SWAPPED):
-            everything.update(self.swapped(chosen, everything[chosen]))
-        refined, first = self.regression.refined, self.apart(best_first(everything), REFINED)
-        others = [
-            self.apart(best_first(some), LOOKED_AT) for some in ((everything, alone, pairs) if small else (everything,))
-        ]
-        further = [one for one in dict.fromkeys(one for some in others for one in some) if one not in first]
-        looked = sorted((refined(self.draft_of(one), 1) for one in further), key=lambda draft: -draft.worth)
-        drafts = [*(refined(self.draft_of(one)) for one in first), *map(refined, looked[:REFINED])]
-        return sorted(drafts, key=lambda draft: -draft.worth)
-
-    def pairs(self, some: Sequence[int]) -> dict[tuple[int, ...], float]:
-        """The best of all sums of two of some terms: two may explain together what neither explains alone."""
-        one, linear = self.regression, self.regression.channel.linear
-        at, A = np.array(some, dtype=int), self.rows[:, some]
-        solution = inverse(one.K[1:, 1:] + np.diag(linear.precision))
-        g = one.K[1:, 0] + linear.pull
-        own = self.columns(some) @ self.library.columns[at].T - A[1:].T @ solution @ A[1:]
-        rest, size = A[0] - g @ solution @ A[1:], np.diag(own)
-        det = np.outer(size, size) - own**2
-        gain = 0.5 * (np.outer(rest**2, size) - 2.0 * np.outer(rest, rest) * own + np.outer(size, rest**2))
-        costs = self.costs[at]
-        worth = gain / np.maximum(det, 1e-300) - costs[:, None] - costs + 0.5 * float(g @ solution @ g)
-        known = size > OWN * self.diagonal[at]
-        worth[~(np.outer(known, known) & (det > OWN * np.outer(size, size)))] = -np.inf
-        i, j = np.triu_indices(len(some), 1)
-        first = np.argsort(-worth[i, j])[: TRIED * BEAM]
-        found = {(int(at[a]), int(at[b])): float(worth[a, b]) for a, b in zip(i[first], j[first])}
-        return {k: v for k, v in found.items() if np.isfinite(v) and self.allows(k)}
-
-    def allows(self, chosen: Sequence[int]) -> bool:
-        """Whether an effect can hold these terms."""
-        return self.regression.drivers.allows([self.library.terms[k] for k in chosen])
-
-    def affine(self) -> tuple[int, ...]:
-        """A constant and the drivers as they are, where they are few: a simulator that was linearised lacks these too."""
-        forms = [(), *((("v", name),) for name in self.regression.drivers.present)]
-        plain = [k for k, term in enumerate(self.library.terms) if structure([term])[0] in forms]
-        return tuple(plain) if len(plain) <= MOST_AFFINE and self.allows(plain) else ()
-
-    def beam(self, beams: Sequence[tuple[int, ...]], best: float) -> dict[tuple[int, ...], float]:
-        """Formulae that grow from some, the best of every size, as long as that gains on the best."""
-        everything: dict[tuple[int, ...], float] = {}
-        for _ in range(MOST_TERMS):
-            grown: dict[tuple[int, ...], float] = {}
-            for chosen in beams:
-                grown.update(self.grown(chosen))
-            beams = self.apart(best_first(grown), BEAM)
-            everything.update({chosen: grown[chosen] for chosen in beams})
-            if not beams or grown[beams[0]] < best + 1.0:
-                break
-            best = grown[beams[0]]
-        return everything
-
-    def swapped(self, chosen: tuple[int, ...], worth: float) -> dict[tuple[int, ...], float]:
-        """A formula with terms chosen again, one at a time with the others kept, as long as that gains."""
-        out: dict[tuple[int, ...], float] = {}
-        for _ in range(SWAPS):
-            others = [self.grown(tuple(k for k in chosen if k != out_of)) for out_of in chosen]
-            tried = [one for found in others for one in found.items()]
-            best, value = max(tried, key=lambda one: one[1], default=(chosen, worth))
-            if value < worth + 1.0:
-                break
-            chosen, worth = best, value
-            out[chosen] = worth
-        return out
-
-    def apart(self, ranked: Sequence[tuple[int, ...]], most: int) -> list[tuple[int, ...]]:
-        """The best of every structure."""
-        seen: set = set()
-        out = []
-        for chosen in ranked:
-            form = structure([self.library.terms[k] for k in chosen])
-            if form not in seen:
-                seen.add(form)
-                out.append(chosen)
-            if len(out) == most:
-                break
-        return out
-
-    def grown(self, chosen: tuple[int, ...], most: int | None = 4 * TRIED) -> dict[tuple[int, ...], float]:
-        """A formula with one term more, the best by what all of it is worth; every structure of the new term once."""
-        F, K, linear = self.library.columns, self.regression.K, self.regression.channel.linear
-        own = self.columns(chosen)
-        A = np.concatenate([self.rows[1:], own @ F.T])  # of parameters and chosen terms with all terms
-        H = np.zeros((len(A), len(A)))
-        p = len(K) - 1
-        H[:p, :p] = K[1:, 1:] + np.diag(linear.precision)
-        H[p:, :p] = A[:p, list(chosen)].T
-        H[:p, p:] = A[:p, list(chosen)]
-        H[p:, p:] = A[p:, list(chosen)]
-        g = np.r_[K[1:, 0] + linear.pull, self.rows[0, list(chosen)]]
-        explained, cross = 0.0, np.zeros_like(A)
-        rest, left = self.rows[0].copy(), self.diagonal.copy()
-        if len(A):
-            solution = inverse(H)
-            explained = 0.5 * float(g @ solution @ g)
-            cross = solution @ A
-            rest, left = rest - g @ cross, left - np.einsum("ak,ak->k", A, cross)
-        gain = np.where(left > OWN * self.diagonal, 0.5 * rest**2 / np.maximum(left, 1e-300), -np.inf)
-        gain[list(chosen)] = -np.inf
-        worth = explained + gain - self.costs - sum(self.costs[k] for k in chosen)
-        out: dict[tuple[int, ...], float] = {}
-        seen: set = set()
-        for k in np.argsort(-worth):
-            form = structure([self.library.terms[k]])
-            if not np.isfinite(worth[k]) or len(out) == most:
-                break
-            if form not in seen and self.allows((*chosen, int(k))):
-                seen.add(form)
-                out[tuple(sorted((*chosen, int(k))))] = float(worth[k])
-        return out
-
-    def draft_of(self, chosen: Sequence[int]) -> Draft:
-        """Terms of the library as a formula."""
-        late = next((self.library.late[k] for k in chosen if self.library.late[k] is not None), None)
-        terms = tuple(self.library.terms[k] for k in chosen)
-        return self.regression.judged(Draft(terms, np.zeros(len(chosen)), late))
-
-
-def best_first(worth: Mapping[tuple[int, ...], float]) -> list[tuple[int, ...]]:
-    """Formulae by what they are worth."""
-    return sorted(worth, key=lambda one: -worth[one])

@@ -11,7 +11,8 @@ import numpy as np
 
 from sksurrogate.effects._balance import ConstantBias
 from sksurrogate.effects._effect import BaseEffect
-from sksurrogate.effects._parameter import ParameterError
+from sksurrogate.effects._formula import Term
+from sksurrogate.effects._law import law_effect
 from sksurrogate.gap.fit._neighbours import is_near
 from sksurrogate.gap.fit._ode import OdeBackend, OdeCandidate
 from sksurrogate.gap.fit._pushes import STEP_OF_SLOPES
@@ -124,7 +125,7 @@ def push_at(null: OdeCandidate, x: np.ndarray, name: str, kind: str) -> np.ndarr
     """Effect of a unit at an input or a further port, or of a parameter, over one sample on the states, (n_states, 1, n_samples)."""
     problem, plant = null.problem, null.problem.plant
     if kind == "parameter":
-        return _pushed(null, x, ParameterError(name), PARAMETER_STEP) / (plant.params[name] or 1.0)
+        return _pushed(null, x, law_effect(kind, name, (Term(),)), PARAMETER_STEP * size_at(problem, name, kind))
     if name in plant.inputs:
         return input_gain(null, plant.inputs.index(name), x)[0][:, None]
     return _pushed(null, x, ConstantBias(name), STEP_OF_SLOPES * max(problem.port_rate(name), 1e-9))
