@@ -264,9 +264,9 @@ class BoundModel:
     def run(self, x0: np.ndarray) -> np.ndarray | None:
         """Free run (n_states, n_samples) from initial states (n_states, n_runs) by the simulator itself.
 
-        None where it offers none, or an effect acts within its steps.
+        None where it offers none, or an effect acts within its steps that is no law at a port.
         """
-        within = self._balances or self.a._hidden or self._has_limits or self._drift
+        within = self._balances or self._has_limits or self._drift
         return None if within or not self.a.may_jump else own_run(self, x0, self._mean, bool(self._at_ports))
 
     def entering(self, t: np.ndarray, x: np.ndarray, u: np.ndarray) -> np.ndarray:

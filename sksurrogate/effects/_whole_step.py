@@ -70,20 +70,49 @@ def whole_step(
 def own_run(bound: Effects, x0: np.ndarray, mean: np.ndarray, has_ports: bool) -> np.ndarray | None:
     """Free run (n_states, n_samples) from initial states (n_states, n_runs) by the simulator itself; None where it offers none.
 
-    Effects are constant parameters, inputs and laws at ports.
+    Effects are constant parameters, inputs and laws at ports, with their hidden states.
 
     ``mean`` (n_sub, n_inputs, 1, n_samples).
     """
     a, record, u = bound.a, bound.a.record, np.mean(mean, axis=0)
     varied = {name: float(np.ravel(value)[0]) for name, value in bound.params_at(record.t, x0, u).items()}
+    hidden = np.full((a.n_states - a.n_nominal, record.n_samples), np.nan)
 
-    def enters(rows: np.ndarray, after: float, x: np.ndarray) -> np.ndarray:
-        return bound.entering(record.t[rows] + after, x[:, None], u[..., rows])[:, 0]
+    def entering(rows: np.ndarray) -> _Laws:
+        return _Laws(bound, u, rows, x0[a.n_nominal :], hidden)
 
     run: np.ndarray | None = a.model.march(
-        x0, u[:, 0], record.lengths, record.dt, varied, enters if has_ports else None
+        x0[: a.n_nominal], u[:, 0], record.lengths, record.dt, varied, entering if has_ports else None
     )
-    return run
+    return run if run is None or not len(hidden) else np.concatenate([run, hidden])
+
+
+class _Laws:
+    """What enters at the ports in runs by the simulator's own steps; hidden states of the laws are carried along.
+
+    ``u`` (n_inputs, 1, n_samples).
+    ``rows`` (n_runs, n_most): of every run, short ones filled up with their last.
+    ``z`` (n_hidden, n_runs): initial hidden states.
+    ``hidden`` (n_hidden, n_samples): takes them up.
+    """
+
+    def __init__(self, bound: Effects, u: np.ndarray, rows: np.ndarray, z: np.ndarray, hidden: np.ndarray):
+        self.bound, self.u, self.rows, self.z, self.hidden = bound, u, rows, z, hidden
+        self.last: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None  # time, states and inputs of the step before
+
+    def __call__(self, k: int, after: float, x: np.ndarray) -> np.ndarray:
+        rows = self.rows[:, k]
+        t, u = self.bound.a.record.t[rows] + after, self.u[..., rows]
+        whole = np.concatenate([x, self.z])[:, None]
+        if len(self.z):
+            if self.last is not None:
+                whole = _carried(self.bound, *self.last, whole, self.bound.held)
+                self.z = whole[len(x) :, 0]
+            if after == 0.0:
+                new = rows != self.rows[:, k - 1] if k else np.ones(len(rows), bool)
+                self.hidden[:, rows[new]] = self.z[:, new]
+            self.last = t, whole, u
+        return self.bound.entering(t, whole, u)[:, 0]
 
 
 def _drift(bound: Effects, t: np.ndarray, x: np.ndarray, u: np.ndarray, h: float, varied: Any) -> np.ndarray:
@@ -104,17 +133,20 @@ def _kick(bound: Effects, t: np.ndarray, x: np.ndarray, u: np.ndarray, h: float,
 def _own_step(
     bound: Effects, t: np.ndarray, x: np.ndarray, u: np.ndarray, h: float, varied: Any, has_rates: bool
 ) -> np.ndarray:
-    """One of the simulator's own steps, laws at ports held over it; then the effects' own terms over the same time.
+    """One of the simulator's own steps, laws at ports held over it; then the effects' own terms over the same time."""
+    a, n = bound.a, bound.a.n_nominal
+    after = x.copy()
+    after[:n] = a.model.step(t, x[:n], bound.entering(t, x, u), h, varied)
+    return _carried(bound, t, x, u, after, h) if has_rates else after
+
+
+def _carried(bound: Effects, t: np.ndarray, x: np.ndarray, u: np.ndarray, after: np.ndarray, h: float) -> np.ndarray:
+    """States behind one of the simulator's own steps, with the effects' own terms over the same time.
 
     These see the states amid the step and the rates that it had: a spring yields as the joint has just moved, as in the
     semi-implicit steps of the simulators that say what their own step is.
     """
-    a, n = bound.a, bound.a.n_nominal
-    after = x.copy()
-    after[:n] = a.model.step(t, x[:n], bound.entering(t, x, u), h, varied)
-    if not has_rates:
-        return after
-    drift = np.zeros_like(x)
+    n, drift = bound.a.n_nominal, np.zeros_like(x)
     drift[:n] = (after[:n] - x[:n]) / h
     amid = after.copy()
     amid[:n] = 0.5 * (x[:n] + after[:n])

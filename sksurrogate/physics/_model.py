@@ -15,6 +15,9 @@ from sksurrogate.physics._forces import check_forces, wired
 from sksurrogate.physics._rhs import PointwiseFunction, locked
 from sksurrogate.physics._simulator import Plant, offered_ports
 
+#: Sample, time after it, states (n_states, n_runs) there -> what enters at the ports (n_some, n_runs).
+Entering = Callable[[int, float, np.ndarray], np.ndarray]
+
 
 class PlantModel:
     """Right-hand side (or step) and output of a plant on arrays ``(n, *s)``.
@@ -135,22 +138,23 @@ class PlantModel:
         lengths: np.ndarray,
         dt: float,
         varied: Mapping[str, float],
-        entering: Callable[[np.ndarray, float, np.ndarray], np.ndarray] | None = None,
+        entering: Callable[[np.ndarray], Entering] | None = None,
     ) -> np.ndarray | None:
         """Free runs (n_states, n_samples), one behind the other, by steps of the simulator's own; None where it offers no such march.
 
         ``x0`` (n_states, n_runs), ``u`` (n_inputs, n_samples): held; ``lengths`` (n_runs,).
-        ``entering(rows, after, x)``: what enters at the ports a time ``after`` these rows, one of each run; u by default.
+        ``entering(rows)``: of the rows of every run (n_runs, n_most), short ones filled up with their last, what enters at the ports: a
+            function of a sample, the time after it and the states there; u by default.
         """
         march = getattr(self.plant.simulator, "march", None)
         if march is None or (entering is not None and self.plant.further_ports != offered_ports(self.plant.simulator)):
             return None
         check_time()
-        ages = np.arange(int(lengths.max()))
-        rows = (np.cumsum(lengths) - lengths)[:, None] + np.minimum(ages, lengths[:, None] - 1)
-        own = None if entering is None else lambda k, after, x: entering(rows[:, k], after, x)
-        found = march(x0, u[:, rows], {**self.plant.params, **varied}, dt, own)
-        return None if found is None else found[:, ages < lengths[:, None]]
+        ages, ends = np.arange(int(lengths.max())), lengths[:, None]
+        rows = (np.cumsum(lengths) - lengths)[:, None] + np.minimum(ages, ends - 1)
+        own = None if entering is None else entering(rows)
+        found = march(x0, u[:, rows], {**self.plant.params, **varied}, dt, own, lengths)
+        return None if found is None else found[:, ages < ends]
 
     def output(
         self, t: Any, x: np.ndarray, u: np.ndarray, varied: Mapping[str, np.ndarray] | None = None

@@ -14,7 +14,7 @@ from sksurrogate.exceptions import SimulatorError
 from sksurrogate.physics._free_run import raise_if_diverged
 from sksurrogate.physics._mujoco_effects import as_parameters
 from sksurrogate.physics._mujoco_engine import Points
-from sksurrogate.physics._mujoco_march import held_inputs, run_in_steps
+from sksurrogate.physics._mujoco_march import held_inputs, run_by_rollout, run_in_steps
 from sksurrogate.physics._mujoco_patch import patched
 from sksurrogate.physics._mujoco_read import NamedModel, whole_steps
 from sksurrogate.physics._mujoco_units import joint_units
@@ -282,8 +282,9 @@ class MuJoCoSimulator(NamedModel):
         p: Mapping[str, float],
         dt: float,
         entering: Callable[[int, float, np.ndarray], np.ndarray] | None = None,
+        lengths: np.ndarray | None = None,
     ) -> np.ndarray | None:
-        """States of runs of equal length under held inputs, by the model's own steps: what :meth:`step` gives, one sample after the other.
+        """States of runs under held inputs, by the model's own steps: what :meth:`step` gives, one sample after the other.
 
         Parameters
         ----------
@@ -294,7 +295,10 @@ class MuJoCoSimulator(NamedModel):
         dt : float
         entering : callable, optional
             ``entering(k, after, x)``: what enters at the inputs, then at the ports, (n_some, n_runs), in the step that begins a time
-            ``after`` sample k, at states x (n_states, n_runs); the inputs by default.
+            ``after`` sample k, at states x (n_states, n_runs); the inputs by default. It is asked in the order of time, at the last
+            sample too, so that it may carry states of its own.
+        lengths : ndarray (n_runs,) of int, optional
+            Samples of every run, n_samples at most and by default; states behind its end are not defined.
 
         Returns
         -------
@@ -307,12 +311,10 @@ class MuJoCoSimulator(NamedModel):
             return None
         if not np.isfinite(U).all():
             return np.full((len(X0), *U.shape[1:]), np.nan)
-        names = [*self.inputs, *self.ports]
+        lengths = np.full(X0.shape[1], U.shape[2]) if lengths is None else lengths
         if entering is not None:
-            return run_in_steps(engine, names, X0, U.shape[2], ratio, p, entering)
-        rows = ratio * np.arange(U.shape[2])
-        held = held_inputs(engine.layout, self.inputs, U.transpose(1, 2, 0), np.diff(rows))
-        return engine.runs(0.0, X0.T, held, p, rows)[0].transpose(2, 0, 1)
+            return run_in_steps(engine, [*self.inputs, *self.ports], X0, lengths, ratio, p, entering)
+        return run_by_rollout(engine, self.inputs, X0, U, lengths, ratio, p)
 
     def _run(self, U: np.ndarray, X0: Any, t: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """States (n_runs, n_samples, n_states), sensor components (n_runs, n_samples, n_components), times."""

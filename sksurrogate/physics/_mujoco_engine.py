@@ -127,7 +127,7 @@ class Engine:
         mujoco = require("mujoco", "mujoco")
         model = copy.copy(self.origin)
         assign(model, self.origin, self.parameters, self.changed(p))
-        with _silent():
+        with silent():
             mujoco.mj_setConst(model, mujoco.MjData(model))
         return model
 
@@ -173,7 +173,8 @@ class Engine:
                 some = rows[a : a + block]
                 given = models[a : a + block] if len(models) > 1 else models
                 held = np.broadcast_to(control[some, None], (len(some), n_steps, control.shape[1]))
-                full, read = self._rollout(given, start[some], held, timestep)
+                with silent():
+                    full, read = self._rollout(given, start[some], held, timestep)
                 states[some], sensors[some] = full[:, -1, 1 : 1 + self.n_states], read[:, 0]
         return states[which].T, sensors[which].T
 
@@ -187,7 +188,7 @@ class Engine:
         if not all(self.parameters[name].admits(value) for name, value in fixed.items()):
             return
         if not varied:
-            with _silent():
+            with silent():
                 one = copies.get(0, fixed, timestep)
             yield [one], np.flatnonzero(sound)
             return
@@ -201,7 +202,7 @@ class Engine:
         sets = table[:, rows[first]]
         for a in range(0, sets.shape[1], copies.most):
             chosen = (which >= a) & (which < a + copies.most)
-            with _silent():
+            with silent():
                 models = [
                     copies.get(k, {**fixed, **dict(zip(names, values.tolist()))}, timestep)
                     for k, values in enumerate(sets[:, a : a + copies.most].T)
@@ -257,7 +258,8 @@ class Engine:
         for models, able in self._with_parameters("step", p, sound, None):
             for a in range(0, len(able), block):
                 some = able[a : a + block]
-                full, read = self._rollout(models, start[some], controls[some], None)
+                with silent():
+                    full, read = self._rollout(models, start[some], controls[some], None)
                 states[some, 1:] = full[:, rows[1:] - 1, 1 : 1 + self.n_states]
                 sensors[some] = read[:, rows]
         return states, sensors
@@ -266,16 +268,15 @@ class Engine:
         """The model's own step with parameters that stay, for a loop over time: nothing is looked up at every step.
 
         It takes times, states (n_states, n_runs) and what enters (n_controls + n_ports, n_runs), and gives the states one step later;
-        nan where the model cannot have the parameters.
+        nan where the model cannot have the parameters. To be called within :func:`silent`.
         """
         found = list(self._with_parameters("step", p, np.ones(1, dtype=bool), None))
-        start: np.ndarray | None = None
 
         def step(t: Any, x: np.ndarray, control: np.ndarray) -> np.ndarray:
-            nonlocal start
             if not found:
                 return np.full_like(x, np.nan)
-            start = np.tile(self.rest, (x.shape[1], 1)) if start is None else start
+            start = np.empty((x.shape[1], len(self.rest)))
+            start[:] = self.rest
             start[:, 0], start[:, 1 : 1 + self.n_states] = t, x.T
             full, _ = self._rollout(found[0][0], start, control.T[:, None], None)
             return full[:, 0, 1 : 1 + self.n_states].T
@@ -288,11 +289,10 @@ class Engine:
         """States (n, n_steps, n_full) and sensors; nan from where the clock of a run stands still: it ran away there."""
         n, n_steps = control.shape[:2]
         full, read = np.empty((n, n_steps, start.shape[1])), np.empty((n, n_steps, self.origin.nsensordata))
-        with _silent():
-            self._pool.rollout(
-                models * n if len(models) == 1 else models, self._data, start, np.ascontiguousarray(control),
-                control_spec=self._control, skip_checks=True, nstep=n_steps, state=full, sensordata=read,
-            )  # fmt: skip
+        self._pool.rollout(
+            models * n if len(models) == 1 else models, self._data, start, np.ascontiguousarray(control),
+            control_spec=self._control, skip_checks=True, nstep=n_steps, state=full, sensordata=read,
+        )  # fmt: skip
         h = self.timestep if timestep is None else timestep
         late = np.abs(full[:, :, 0] - start[:, :1] - h * np.arange(1, n_steps + 1)) > 0.5 * h
         if late.any():
@@ -378,7 +378,7 @@ def first_of_equals(columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 @contextmanager
-def _silent() -> Iterator[None]:
+def silent() -> Iterator[None]:
     """MuJoCo writes a file in the working folder for a run that runs away, which is seen by its clock, and for an inertia below 0."""
     mujoco = require("mujoco", "mujoco")
     before: Any = mujoco.get_mju_user_warning()

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from sksurrogate.physics._mujoco_engine import Engine
+from sksurrogate.physics._mujoco_engine import Engine, silent
 from sksurrogate.physics._mujoco_layout import Layout
 
 
@@ -18,33 +18,59 @@ def held_inputs(layout: Layout, names: Sequence[str], U: np.ndarray, counts: np.
     return out
 
 
+def run_by_rollout(
+    engine: Engine,
+    names: Sequence[str],
+    X0: np.ndarray,
+    U: np.ndarray,
+    lengths: np.ndarray,
+    ratio: int,
+    p: Mapping[str, float],
+) -> np.ndarray:
+    """States (n_states, n_runs, n_samples) under held inputs ``U`` (n_inputs, n_runs, n_samples); other arguments as below.
+
+    A rollout has one length: runs that differ less than twofold go together.
+    """
+    octave, out = np.frexp(lengths)[1], np.full((*X0.shape, U.shape[2]), np.nan)
+    for runs in (np.flatnonzero(octave == one) for one in np.unique(octave)):
+        rows = ratio * np.arange(lengths[runs].max())
+        held = held_inputs(engine.layout, names, U[:, runs, : len(rows)].transpose(1, 2, 0), np.diff(rows))
+        out[:, runs, : len(rows)] = engine.runs(0.0, X0[:, runs].T, held, p, rows)[0].transpose(2, 0, 1)
+    return out
+
+
 def run_in_steps(
     engine: Engine,
     names: Sequence[str],
     X0: np.ndarray,
-    n_samples: int,
+    lengths: np.ndarray,
     ratio: int,
     p: Mapping[str, float],
     entering: Callable[[int, float, np.ndarray], np.ndarray],
 ) -> np.ndarray:
-    """States (n_states, n_runs, n_samples), where what enters follows from them; nan from where a run is not finite.
+    """States (n_states, n_runs, n_samples), where what enters follows from them; nan from where a run is not finite, and behind its end.
 
     ``names``: what the rows of ``entering`` belong to, inputs and ports.
     ``X0`` (n_states, n_runs).
+    ``lengths`` int (n_runs,): samples of every run.
     ``ratio``: steps of the model in a sample.
-    ``entering(k, after, x)``: what enters (n_some, n_runs) in the step that begins a time ``after`` sample k, at states x.
+    ``entering(k, after, x)``: what enters (n_some, n_runs) in the step that begins a time ``after`` sample k, at states x; it is asked in the
+        order of time, at the last sample too.
     """
     entries, h = (*engine.layout.controls, *engine.layout.ports), engine.timestep
     places = [entries.index(name) for name in names]
-    step, control, x = engine.stepper(p), np.zeros((len(entries), X0.shape[1])), X0
-    out = np.full((*X0.shape, n_samples), np.nan)
+    step, control, x = engine.stepper(p), np.zeros((len(entries), X0.shape[1])), X0.copy()
+    out = np.full((*X0.shape, int(lengths.max())), np.nan)
     out[..., 0] = X0
-    for k in range(n_samples - 1):
-        for part in range(ratio):
-            enters = entering(k, part * h, x)
-            control[places[: len(enters)]] = enters
-            x = step((k * ratio + part) * h, x, control)
-        if not np.isfinite(x).all():
-            break
-        out[..., k + 1] = x
+    with silent():
+        for k in range(out.shape[2] - 1):
+            going = np.flatnonzero(lengths > k + 1)
+            for part in range(ratio):
+                enters = entering(k, part * h, x)
+                control[places[: len(enters)]] = enters
+                x[:, going] = step((k * ratio + part) * h, x[:, going], control[:, going])
+            if not np.isfinite(x).all():
+                return out
+            out[..., k + 1] = np.where(lengths > k + 1, x, np.nan)
+        entering(out.shape[2] - 1, 0.0, x)
     return out

@@ -79,12 +79,23 @@ def leg(effects, theta):
 
 
 STRIBECK = CATALOGUE["stribeck_friction"]("hip.force", "hip.vel")
+#: Laws at a joint, with and without hidden states, and their parameters.
+LAWS = {
+    "none": ([], []),
+    "law": ([STRIBECK], [0.1, 0.2, 0.3]),
+    "bristles": ([CATALOGUE["lugre_friction"]("hip.force", "hip.vel")], [20.0, 0.2, 0.3, 0.5]),
+    "a mode beside a law": (
+        [CATALOGUE["hidden_mode"]("hip.force", "hip.pos"), STRIBECK],
+        [2.0, 30.0, 0.1, 0.1, 0.2, 0.3],
+    ),
+}
 
 
-@pytest.mark.parametrize("effects, values", [([], []), ([STRIBECK], [0.1, 0.2, 0.3])], ids=["free", "law at a joint"])
+@pytest.mark.parametrize("effects, values", LAWS.values(), ids=LAWS)
 def test_a_run_by_the_model_itself_is_its_steps_one_after_the_other(effects, values):
     effects = [CATALOGUE["parameter_error"]("hip.gear"), CATALOGUE["input_dead_zone"]("hip"), *effects]
     bound, record, x0 = leg(effects, [0.2, 0.1, *values])
+    x0 = bound.start(x0[:, None])[:, 0]
     own, steps = bound.run(x0), run_by_samples(bound, x0, record.starts, record.lengths)
     assert np.abs(own[0]).max() > 1e-3  # the leg has moved on the ground
     assert np.allclose(own, steps, rtol=0.0, atol=1e-11)
