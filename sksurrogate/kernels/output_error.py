@@ -9,7 +9,7 @@ the free-run cost and the merit function is exact.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -30,8 +30,9 @@ LARGEST_START_STEP = 10.0
 NEWTON_CLOSED = 1e-9
 #: Open steps end where parameters and trajectory move by less than this share of their size.
 OPEN_STEPS_SETTLED = 1e-3
-#: A step that takes at least this share of what its slopes promise is followed by one with less damping.
-KEPT_PROMISE = 0.5
+#: A step that takes at least the first share of what its slopes promise is followed by one with less damping, and by one with the
+#: same slopes, where these are dear, if it takes the second: so much of what is left falls in the time of one more run.
+KEPT_PROMISE, SAME_SLOPES_LEAD_ON = 0.5, 0.9
 #: Newton steps in which hidden states settle along a trajectory.
 SETTLING_STEPS = 8
 
@@ -46,7 +47,7 @@ class Fit:
     cost: float  #: Sum of squares of (y - free run) / sd, with the prior
     n_iterations: int
     converged: bool
-    linearised: Linearised | None  #: At the solution; with ``near``, its slopes are those of a point so near
+    linearised: Linearised | None  #: At the solution, or as ``near`` to it as was allowed
 
 
 def settle_hidden(model: FreeRunModel, theta: np.ndarray, x: np.ndarray) -> np.ndarray:
@@ -144,8 +145,8 @@ def output_error(
     ``settled``: open steps end where parameters and trajectory move by less than this share of their size; closed steps
         go on.
     ``tries``: dampings of a closed step, each ten times the last, before the descent ends.
-    ``near``: after a step that moves parameters and trajectory by less than this share of their size, its slopes serve
-        again.
+    ``near``: where slopes are dear, they serve again behind a step that moves parameters and trajectory by less than this share of their
+        size, or keeps its promise; none ends the fit further from where it is of. 0: never.
     ``idle, idle_above``: where the cost is above ``idle_above``, two steps in a row that take less than the share
         ``idle`` of it end the descent.
     Returns None where no finite free run was found.
@@ -157,14 +158,20 @@ def output_error(
         return fit.run(theta, x, open_steps, max_steps, best, fallback)
 
 
+#: Parameters and a trajectory that slopes are of.
+_Point: TypeAlias = tuple[np.ndarray, np.ndarray]
+
+
 @dataclass(frozen=True, eq=False)
 class _Opened:
-    """Where open steps end: by what share the last one ``moved``, and the linearisation it came from."""
+    """Where open steps end."""
 
     theta: np.ndarray
     x: np.ndarray
-    moved: float
-    lin: Linearised | None
+    moved: float = np.inf  #: By what share the last one moved
+    lin: Linearised | None = None  #: The linearisation it came from
+    at: _Point | None = None  #: Where that was made
+    run: tuple[np.ndarray, np.ndarray, float] | None = None  #: The free run there, where slopes led to it
 
 
 class _OutputError:
@@ -265,17 +272,21 @@ class _OutputError:
     def opened(self, theta: np.ndarray, x: np.ndarray, most: int) -> _Opened:
         """Open steps until one moves next to nothing: closed steps do the rest."""
         theta = np.clip(theta, self.low, self.high)
-        end = _Opened(theta, x, np.inf, None)
+        end = _Opened(theta, x)
         for _ in range(most):
             lin = linearise(self.model, end.theta, end.x, self.unit)
             if not np.all(np.isfinite(lin.x)):
                 break
-            dt, dx, _ = self.step(self.arrow(lin, end.theta), end.theta, 1e-6)
+            dt, dx, drop = self.step(self.arrow(lin, end.theta), end.theta, 1e-6)
             if not (np.all(np.isfinite(dt)) and np.all(np.isfinite(dx))):
                 break
             theta, x = self.moved(lin, end.theta, dt, dx)
-            end = _Opened(theta, x, self.share_of(theta - end.theta, x - end.x, theta), lin)
-            if end.moved < self.share:
+            share, run = self.share_of(theta - end.theta, x - end.x, theta), None
+            if self.near:
+                run = self.closed(theta, x, lin.band)
+                run = run if self.cost(lin.y, end.theta) - run[2] > SAME_SLOPES_LEAD_ON * drop else None
+            end = _Opened(theta, x, share, lin, (end.theta, end.x), run)
+            if end.moved < self.share or run is not None:
                 break
         return end
 
@@ -290,9 +301,9 @@ class _OutputError:
     ) -> Fit | None:
         first = np.clip(theta, self.low, self.high), x
         end = self.opened(theta, x, open_steps)
-        lin = end.lin if end.moved < self.near else None
+        lin = end.lin if end.moved < self.near or end.run is not None else None
         theta = end.theta
-        x, y, cost = self.closed(theta, end.x, None if lin is None else lin.band)
+        x, y, cost = end.run or self.closed(theta, end.x, None if lin is None else lin.band)
         if not np.isfinite(cost) or self.diverged(cost, first[0], fallback):
             # The open steps diverged: closed steps from the start.
             opened = theta, x, y, cost, lin
@@ -309,7 +320,7 @@ class _OutputError:
                     cost = self.cost(y, theta)
         if not np.isfinite(cost):
             return None
-        return self.descend(theta, x, y, cost, max_steps, best, lin)
+        return self.descend(theta, x, y, cost, max_steps, best, lin, end.at)
 
     def diverged(self, cost: float, theta: np.ndarray, fallback: np.ndarray | None) -> bool:
         """Whether a free run is much further from the data than the trajectory to fall back on."""
@@ -327,18 +338,23 @@ class _OutputError:
         max_steps: int,
         best: float,
         lin: Linearised | None,
+        at: _Point | None,
     ) -> Fit | None:
-        """Closed Levenberg-Marquardt steps: the cost is that of the free run. ``lin``: slopes of a point nearby."""
-        damping, done, steps, again, idle = 1e-3, False, 0, lin is not None, 0
+        """Closed Levenberg-Marquardt steps: the cost is that of the free run. ``lin``: slopes of a point ``at`` hand."""
+        damping, done, steps, idle = 1e-3, False, 0, 0
         for steps in range(1, max_steps + 1):
-            lin = linearise(self.model, theta, x, self.unit) if lin is None else replace(lin, x=x, y=y)
+            stale = lin is not None
+            if lin is None:
+                lin, at = linearise(self.model, theta, x, self.unit), (theta, x)
+            else:
+                lin = replace(lin, x=x, y=y)
             if not (np.all(np.isfinite(lin.J_theta)) and np.all(np.isfinite(lin.J_x))):
                 lin = None
                 break
             arrow = self.arrow(lin, theta)
-            enough = (1e-4 * cost + 0.01) * (_STRICTER if again else 1.0)
+            enough = (1e-4 * cost + 0.01) * (_STRICTER if stale else 1.0)
             accepted, raised = False, False
-            for _ in range(1 if again else self.tries):
+            for _ in range(1 if stale else self.tries):
                 dt, dx, drop = self.step(arrow, theta, damping)
                 if drop < enough:
                     done = True
@@ -349,13 +365,13 @@ class _OutputError:
                     accepted = True
                     break
                 damping, raised = min(damping * 10, 1e6), True
-            if again and not (accepted or done):
-                lin, again = None, False
+            if stale and not accepted and not (done and self.is_near(at, theta, x)):
+                lin, done = None, False
                 continue
             if not accepted:
                 break
-            again = self.near > 0 and self.share_of(new_theta - theta, new_x - x, new_theta) < self.near
-            fell = cost - new_cost
+            share, fell = self.share_of(new_theta - theta, new_x - x, new_theta), cost - new_cost
+            again = self.near > 0 and (share < self.near or fell > SAME_SLOPES_LEAD_ON * drop)
             theta, x, y, cost, lin = new_theta, new_x, new_y, new_cost, lin if again else None
             if not raised and fell > KEPT_PROMISE * drop:  # a damping that has just failed fails again as a rule
                 damping = max(damping / 10, 1e-9)
@@ -365,6 +381,16 @@ class _OutputError:
             if idle == 2:
                 break
             if fell < 1e-5 * cost + 0.002:
-                done = True
-                break
-        return Fit(theta, x, y, cost, steps, done, None if lin is None else lin.kept())
+                done = not stale or self.is_near(at, theta, x)
+                if done:
+                    break
+                lin = None
+        kept = None if lin is None or not self.is_near(at, theta, x) else lin.kept()
+        return Fit(theta, x, y, cost, steps, done, kept)
+
+    def is_near(self, at: _Point | None, theta: np.ndarray, x: np.ndarray) -> bool:
+        """Whether slopes of a point count as those of another."""
+        if at is None:
+            return False
+        own = theta is at[0] and x is at[1]
+        return own or self.share_of(theta - at[0], x - at[1], theta) < self.near
