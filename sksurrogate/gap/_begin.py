@@ -5,8 +5,8 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -28,13 +28,14 @@ from sksurrogate.gap.decide._unnamed_ode import OdeUnnamed
 from sksurrogate.gap.decide._unnamed_trajectory import TrajectoryUnnamed
 from sksurrogate.gap.fit._build import build_problem, build_trajectory
 from sksurrogate.gap.fit._evidence import C
+from sksurrogate.gap.fit._jumps import JUMPS_NOTE, rows_that_jump, starts_behind
 from sksurrogate.gap.fit._known_parameters import KnownParameters
 from sksurrogate.gap.fit._neighbours import is_near
 from sksurrogate.gap.fit._ode import OdeBackend, OdeCandidate
 from sksurrogate.gap.fit._other_unit import other_unit
 from sksurrogate.gap.fit._record_parts import SEARCHED_SAMPLES, excerpt
 from sksurrogate.gap.fit._trajectory import TrajectoryBackend, TrajectoryCandidate
-from sksurrogate.gap.fit._unstable import followed_rows, in_pieces, largest_growth
+from sksurrogate.gap.fit._unstable import UNSTABLE_NOTE, followed_rows, in_pieces, largest_growth
 from sksurrogate.gap.search._base import BaseSearch
 from sksurrogate.gap.search._ode_search import OdeSearch
 from sksurrogate.gap.search._trajectory_search import TrajectorySearch
@@ -84,20 +85,30 @@ def begin_ode(task: Task) -> DiagnosisPipeline[OdeCandidate]:
     balances = tuple(name for name in plant.states if name not in kinematic) or plant.states
     library = _allowed(_candidates(task, balances), task)
     with _right_unit(model, record), finite_along(model, whole, task.labels):
-        problem, smoothed = build_problem(plant, model, record, task.free, balances, task.known)
+        build = partial(build_problem, plant, model, free=task.free, balances=balances, known=task.known)
+        problem, smoothed = build(record)
+        pieces = []
+        if rows_that_jump(problem, smoothed.x).any():
+            path = smoothed.x if len(rows) == whole.n_samples else build(whole)[1].x
+            whole = whole.cut(starts_behind(rows_that_jump(replace(problem, record=whole), path), whole.starts))
+            record, rows = excerpt(whole, SEARCHED_SAMPLES)
+            problem, smoothed = build(record, path=path[:, rows])
+            pieces.append(JUMPS_NOTE.format(n=len(whole.starts) - len(task.labels)))
         most = largest_growth(problem.sd, record.spread)
         length = followed_rows(smoothed.A, problem.scale, record.starts, most)
         if length is not None:
             whole = in_pieces(whole, length)
             record, rows = excerpt(whole, SEARCHED_SAMPLES)
-            problem, smoothed = build_problem(plant, model, record, task.free, balances, task.known)
+            problem, smoothed = build(record)
+            pieces.append(UNSTABLE_NOTE.format(rows=int(whole.lengths.max())))
     fixed, apart = (diagnoser.simulator, plant, model, record, *library), diagnoser.n_jobs is None
     common = {**_common(task), "second": WorkerProcess(fixed, apart)}
     later = WorkerProcess(fixed, apart, later=True)
     late = {e.key: e for e in library if e.late or (task.effects is None and not _acts_near(e, problem))}
     late = late if len(late) < len(library) else {}  # effects that were asked for alone are asked at once
     search = OdeSearch(problem, library, smoothed.x, lost=model.raised, later=later, later_asked=late, **common)
-    unnamed = OdeUnnamed(search, task.seed, whole, closed_places(diagnoser.exclude, diagnoser.plausible, plant))
+    closed = closed_places(diagnoser.exclude, diagnoser.plausible, plant)
+    unnamed = OdeUnnamed(search, task.seed, whole, closed, pieces)
     return _prepared(task, search, unnamed, rows)
 
 

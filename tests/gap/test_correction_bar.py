@@ -50,6 +50,14 @@ def test_a_correction_of_your_own_predicts_as_it_does_alone():
     np.testing.assert_allclose(found[0, test], expected, rtol=1e-12)
 
 
+def test_of_a_piece_of_a_few_rows_all_are_given():
+    whole = reactor_record(0.02)
+    pieces = whole.cut(np.union1d(whole.starts, [37, 40, 203]))
+    found = generic_correction(linear_reactor(), None)(pieces, np.array([0, 0, 0, 1, 0, 0, 1, 0, 1]))
+    np.testing.assert_array_equal(found[:, 37:40], whole.y[:, 37:40])
+    assert np.isfinite(found).all() and np.std(found - whole.y) < 0.2 * np.std(whole.y)
+
+
 def test_what_makes_left_out_runs_worse_is_called_no_help():
     shrink = SimpleNamespace(
         before=0.1, after=0.02, floor=0.01, after_retuning=0.2, after_correction=0.05, after_law=np.nan

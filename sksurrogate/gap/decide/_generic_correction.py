@@ -82,10 +82,10 @@ def generic_correction(simulator: Any, correction: Any, runs: Iterable[Run] = ()
         out = np.full(record.y.shape, np.nan)
         if not len(record.u):  # regressors want a column
             return out
-        parts = np.asarray(fold) % FOLDS
+        parts, long = np.asarray(fold) % FOLDS, record.lengths > LAGS
         predict = _Supported(SimulatedOnce(simulator, runs)) if correction is None else _Own(correction)
-        for k in np.unique(parts):
-            taught, test = np.flatnonzero(parts != k), np.flatnonzero(parts == k)
+        for k in np.unique(parts[long]):
+            taught, test = np.flatnonzero(long & (parts != k)), np.flatnonzero(long & (parts == k))
             if not len(taught):  # one short run: nothing is left to learn from
                 continue
             try:
@@ -97,8 +97,11 @@ def generic_correction(simulator: Any, correction: Any, runs: Iterable[Run] = ()
                     UserWarning,
                     stacklevel=2,
                 )
-        for r, y in predict.outputs():
+        found = predict.outputs()
+        for r, y in found:
             out[:, slice(*record.spans[r])] = y.T
+        given = bool(found) & ~long[record.run_of_row]  # the first rows of a run are given: all of a short piece
+        out[:, given] = record.y[:, given]
         return out
 
     return run

@@ -40,11 +40,6 @@ PIECES_NOTE = (
     "The candidates were compared on {some} of {whole} samples, in pieces spread over the record; what is named was fitted on more "
     "of them."
 )
-UNSTABLE_NOTE = (
-    "The simulator is unstable along the data: small differences grow beyond what the noise allows to follow. Free runs therefore "
-    "start again every {rows} rows, with initial states of their own. Diagnose the plant with its controller "
-    "(ClosedLoopSimulator) to compare whole runs."
-)
 
 
 def lost_places(names: Sequence[str]) -> list[str]:
@@ -66,6 +61,7 @@ class OdeUnnamed(BaseUnnamed[OdeCandidate]):
 
     ``whole``: all of a long record.
     ``excluded``: places where a user rules effects out: no law is looked for there.
+    ``pieces``: notes on runs that were cut.
     ``instead``: the likeliest law in the place of all names, once it was asked for.
     """
 
@@ -73,9 +69,11 @@ class OdeUnnamed(BaseUnnamed[OdeCandidate]):
     search: OdeSearch
     separations = staticmethod(of_ode)
 
-    def __init__(self, search: OdeSearch, seed: int, whole: Record, excluded: Iterable[str] = ()):
+    def __init__(
+        self, search: OdeSearch, seed: int, whole: Record, excluded: Iterable[str] = (), pieces: Sequence[str] = ()
+    ):
         super().__init__(search, seed)
-        self.whole, self.excluded = whole, frozenset(excluded)
+        self.whole, self.excluded, self.pieces = whole, frozenset(excluded), tuple(pieces)
         self.scale = search.problem.scale
         self.places_asked: PendingAnswer[list[Place]] | None = None
         self.instead: LawLeft | None = None
@@ -214,8 +212,6 @@ class OdeUnnamed(BaseUnnamed[OdeCandidate]):
         notes, rounding = lost_places(self.channels.lost), self.rounding(final)
         if verdict == "unknown" and rounding is not None:
             notes.append(GRID_NOTE.format(name=rounding.sensor, step=rounding.step))
-        notes += [self.other_unit] if self.other_unit and verdict != "none" else []
-        if self.whole.recorded is not None:
-            notes.append(UNSTABLE_NOTE.format(rows=int(self.whole.lengths.max())))
+        notes += [*([self.other_unit] if self.other_unit and verdict != "none" else []), *self.pieces]
         some, whole = self.search.problem.record.n_samples, self.whole.n_samples
         return [*notes, PIECES_NOTE.format(some=some, whole=whole)] if whole > some else notes

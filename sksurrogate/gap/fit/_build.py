@@ -83,12 +83,16 @@ def build_problem(
     free: Sequence[str],
     balances: Sequence[str],
     known: KnownParameters | None = None,
+    path: np.ndarray | None = None,
 ) -> tuple[OdeBackend, Smoothed]:
-    """Noise, sizes, substeps and the smoothed trajectory of the nominal plant; what is ``known`` of its parameters."""
+    """Noise, sizes, substeps and the smoothed trajectory of the nominal plant; what is ``known`` of its parameters.
+
+    ``path`` (n_states, n_samples): a trajectory near the measured one, where one is known already.
+    """
     sd = noise_of_differences(record.y, record.starts, record.known, record.t)
     with np.errstate(all="ignore"):
         run = run_from_readings(plant, model, record)
-        guess = measured_guess(plant, record, run)
+        guess = measured_guess(plant, record, run) if path is None else path
         scale = sizes(guess)
         problem = OdeBackend(
             plant,

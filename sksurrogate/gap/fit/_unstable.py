@@ -7,6 +7,12 @@ import numpy as np
 from sksurrogate.gap.fit._record_parts import SHORTEST_BLOCK
 from sksurrogate.kernels.record import Record
 
+UNSTABLE_NOTE = (
+    "The simulator is unstable along the data: small differences grow beyond what the noise allows to follow. Free runs therefore "
+    "start again every {rows} rows, with initial states of their own. Diagnose the plant with its controller "
+    "(ClosedLoopSimulator) to compare whole runs."
+)
+
 
 def largest_growth(sd: np.ndarray, spread: np.ndarray) -> float:
     """Growth (log) of small differences over a piece of a run up to which a model that is linear about a measured path holds.
