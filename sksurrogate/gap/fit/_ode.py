@@ -41,6 +41,11 @@ SAME_SLOPES = 2e-3
 FIT_STEPS, REFIT_STEPS = 25, 8
 
 
+def slopes_last(model: AugmentedModel) -> float:
+    """How far slopes of a model serve: not at all where they cost as much as a few runs."""
+    return SAME_SLOPES if model.may_jump else 0.0
+
+
 @dataclass(frozen=True)
 class Numerics:
     """How a free run is integrated."""
@@ -122,6 +127,7 @@ class OdeCandidate(BaseCandidate):
             open_steps=1,
             max_steps=6,
             fallback=self.fit.x if near else None,
+            near=slopes_last(self.model),
         )
         return None if fit is None else replace(self, fit=fit)
 
@@ -291,7 +297,7 @@ class OdeBackend(Backend):
                     max_steps=max_steps,
                     best=best,
                     fallback=fallback,
-                    near=SAME_SLOPES if model.may_jump else 0.0,
+                    near=slopes_last(model),
                     idle=0.0 if settled else IDLE_NATS * 2 * REMEMBERED / self.record.n_values,
                     idle_above=FAR_BY_COST * self.record.n_values,
                 )
