@@ -1,7 +1,7 @@
 """What is named in models of the kinds that MuJoCo users write, and how does the model that is written back follow unseen runs?
 
-A cart and pole, an arm of two links, one with a passive elbow, a gripper with a tendon and an equality constraint, a leg with
-contact, and arms of three and six joints with servos. The real one is the same model with one effect, marched by ``mj_step``.
+A cart and pole, with and without stops, an arm of two links, one with a passive elbow, a gripper with a tendon and an equality
+constraint, a leg with contact, and arms of three and six joints with servos. The real one is the same model with one effect, marched by ``mj_step``.
 """
 
 import argparse
@@ -30,6 +30,7 @@ CART = """<mujoco model="cart and pole"><compiler angle="radian"/><option timest
 <sensor><jointpos name="x" joint="slider"/><jointpos name="theta" joint="hinge"/></sensor></mujoco>"""
 CART_SERVO = CART.format('<position name="drive" joint="slider" kp="100" kv="15"/>')
 CART_MOTOR = CART.format('<motor name="drive" joint="slider" gear="10" ctrllimited="true" ctrlrange="-1 1"/>')
+CART_STOPS = CART_MOTOR.replace('axis="1 0 0" damping="1"', 'axis="1 0 0" damping="1" limited="true" range="-0.5 0.5"')
 ARM = """<mujoco model="arm"><option timestep="0.005"/><worldbody>
 <body name="upper"><joint name="shoulder" axis="0 1 0" damping="0.2"/>
 <geom type="capsule" size="0.02" fromto="0 0 0 0 0 -0.3" mass="1"/>
@@ -111,6 +112,9 @@ CASES = {
     "cart_rail_friction": Case(CART_MOTOR, (0.8,), friction("slider"), None, numbers=(("dof_frictionloss", "slider", 0.8),)),
     "cart_delay": Case(CART_MOTOR, (0.8,), (("input_delay", "drive"),), None, late=6),
     "cart_gear": Case(CART_MOTOR, (0.8,), parameter("drive", "gear", "input_gain"), None, numbers=(("actuator_gear", "drive", 8.5),)),
+    "stops_none": Case(CART_STOPS, (0.5,), outputs=None, dt=0.02),
+    "stops_friction": Case(CART_STOPS, (0.5,), friction("hinge"), None, 0.02, numbers=(("dof_frictionloss", "hinge", 0.012),)),
+    "stops_gear": Case(CART_STOPS, (0.5,), parameter("drive", "gear", "input_gain"), None, 0.02, numbers=(("actuator_gear", "drive", 8.5),)),
     "arm_payload": Case(ARM, (3.0, 1.5), parameter("lower", "load"), real=LOADED),
     "arm_stribeck": Case(ARM, (3.0, 1.5), (("stribeck_friction", "elbow.force"),), stribeck=("elbow", 0.1, 0.22, 0.4)),
     "arm_armature": Case(ARM, (3.0, 1.5), parameter("elbow", "armature"), numbers=(("dof_armature", "elbow", 0.02),)),
