@@ -165,6 +165,14 @@ class AugmentedModel:
         """Whether the map is a simulator's own step."""
         return self.plant.access == "step"
 
+    @property
+    def runs_at_once(self) -> bool:
+        """Whether a free run is one call of a simulator that steps: nothing acts within its steps."""
+        return self.may_jump and all(
+            effect.kind in ("input", "output") or wire.parameter is not None or constant_in_time(effect)
+            for effect, wire in zip(self.effects, self.wires)
+        )
+
     def closing_weight(self, sd: np.ndarray) -> np.ndarray:
         """Size to which every state of a free run is closed."""
         return closing_weight(self.scale, self.record.spread, sd, self.plant.output_states)

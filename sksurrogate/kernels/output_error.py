@@ -31,7 +31,7 @@ NEWTON_CLOSED = 1e-9
 #: Open steps end where parameters and trajectory move by less than this share of their size.
 OPEN_STEPS_SETTLED = 1e-3
 #: A step that takes at least the first share of what its slopes promise is followed by one with less damping, and by one with the
-#: same slopes, where these are dear, if it takes the second: so much of what is left falls in the time of one more run.
+#: same slopes, where these lead on, if it takes the second: so much of what is left falls in the time of one more run.
 KEPT_PROMISE, SAME_SLOPES_LEAD_ON = 0.5, 0.9
 #: Newton steps in which hidden states settle along a trajectory.
 SETTLING_STEPS = 8
@@ -124,6 +124,7 @@ def output_error(
     settled: float = OPEN_STEPS_SETTLED,
     tries: int = 6,
     near: float = 0.0,
+    lead_on: bool = False,
     idle: float = 0.0,
     idle_above: float = np.inf,
 ) -> Fit | None:
@@ -145,15 +146,16 @@ def output_error(
     ``settled``: open steps end where parameters and trajectory move by less than this share of their size; closed steps
         go on.
     ``tries``: dampings of a closed step, each ten times the last, before the descent ends.
-    ``near``: where slopes are dear, they serve again behind a step that moves parameters and trajectory by less than this share of their
-        size, or keeps its promise; none ends the fit further from where it is of. 0: never.
+    ``near``: after a step that moves parameters and trajectory by less than this share of their size, its slopes serve
+        again; none ends the fit further from where it is of.
+    ``lead_on``: slopes cost as much as many free runs: they serve again as long as steps with them keep their promise.
     ``idle, idle_above``: where the cost is above ``idle_above``, two steps in a row that take less than the share
         ``idle`` of it end the descent.
     Returns None where no finite free run was found.
     """
     with np.errstate(all="ignore"):
         fit = _OutputError(
-            model, sd, unit, bounds, prior, fit_start, reach, settled, tries, near, centre, idle, idle_above
+            model, sd, unit, bounds, prior, fit_start, reach, settled, tries, near, centre, idle, idle_above, lead_on
         )
         return fit.run(theta, x, open_steps, max_steps, best, fallback)
 
@@ -180,12 +182,12 @@ class _OutputError:
     def __init__(
         self, model: FreeRunModel, sd: np.ndarray, unit: np.ndarray, bounds: tuple, prior: np.ndarray | None = None, fit_start: bool = True,
         reach: float = np.inf, settled: float = OPEN_STEPS_SETTLED, tries: int = 6, near: float = 0.0,
-        centre: np.ndarray | None = None, idle: float = 0.0, idle_above: float = np.inf,
+        centre: np.ndarray | None = None, idle: float = 0.0, idle_above: float = np.inf, lead_on: bool = False,
     ):  # fmt: skip
         self.model, self.record, self.sd, self.unit = model, model.record, sd, unit
         self.low, self.high = bounds
         self.reach = reach
-        self.share, self.tries, self.near = settled, tries, near
+        self.share, self.tries, self.near, self.lead_on = settled, tries, near, lead_on
         self.idle, self.idle_above = idle, idle_above
         self.fixed = self.low == self.high
         self.precision = np.zeros(model.n_theta) if prior is None else 1.0 / prior**2
@@ -282,7 +284,7 @@ class _OutputError:
                 break
             theta, x = self.moved(lin, end.theta, dt, dx)
             share, run = self.share_of(theta - end.theta, x - end.x, theta), None
-            if self.near:
+            if self.lead_on:
                 run = self.closed(theta, x, lin.band)
                 run = run if self.cost(lin.y, end.theta) - run[2] > SAME_SLOPES_LEAD_ON * drop else None
             end = _Opened(theta, x, share, lin, (end.theta, end.x), run)
@@ -371,7 +373,7 @@ class _OutputError:
             if not accepted:
                 break
             share, fell = self.share_of(new_theta - theta, new_x - x, new_theta), cost - new_cost
-            again = self.near > 0 and (share < self.near or fell > SAME_SLOPES_LEAD_ON * drop)
+            again = share < self.near or (self.lead_on and fell > SAME_SLOPES_LEAD_ON * drop)
             theta, x, y, cost, lin = new_theta, new_x, new_y, new_cost, lin if again else None
             if not raised and fell > KEPT_PROMISE * drop:  # a damping that has just failed fails again as a rule
                 damping = max(damping / 10, 1e-9)

@@ -11,6 +11,7 @@ from sksurrogate.kernels.windows import run_by_samples
 from sksurrogate.physics import MuJoCoSimulator
 from sksurrogate.physics._fit_model import FitModel
 from sksurrogate.physics._model import PlantModel
+from sksurrogate.physics._mujoco_engine import Engine
 from sksurrogate.physics._simulator import describe
 
 DT = 0.02
@@ -99,6 +100,18 @@ def test_a_run_by_the_model_itself_is_its_steps_one_after_the_other(effects, val
     own, steps = bound.run(x0), run_by_samples(bound, x0, record.starts, record.lengths)
     assert np.abs(own[0]).max() > 1e-3  # the leg has moved on the ground
     assert np.allclose(own, steps, rtol=0.0, atol=1e-11)
+
+
+@pytest.mark.parametrize(
+    "effects, values, at_once",
+    [(*LAWS["none"], True), (*LAWS["law"], False), ([CATALOGUE["parameter_drift"]("hip.gear")], [0.1], False)],
+)
+def test_a_run_is_one_call_where_nothing_acts_within_its_steps(monkeypatch, effects, values, at_once):
+    effects = [CATALOGUE["parameter_error"]("hip.gear"), CATALOGUE["input_dead_zone"]("hip"), *effects]
+    bound, _, x0 = leg(effects, [0.2, 0.1, *values])
+    asked, rollout = [], Engine._rollout
+    monkeypatch.setattr(Engine, "_rollout", lambda *given: asked.append(1) or rollout(*given))
+    assert bound.a.runs_at_once == at_once == (bound.run(x0) is not None and len(asked) == 1)
 
 
 def test_runs_that_leave_the_numbers_are_nan():

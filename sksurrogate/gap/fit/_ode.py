@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -41,9 +42,9 @@ SAME_SLOPES = 2e-3
 FIT_STEPS, REFIT_STEPS = 25, 8
 
 
-def slopes_last(model: AugmentedModel) -> float:
+def slopes_last(model: AugmentedModel) -> dict[str, Any]:
     """How far slopes of a model serve: not at all where they cost as much as a few runs."""
-    return SAME_SLOPES if model.may_jump else 0.0
+    return {"near": SAME_SLOPES if model.may_jump else 0.0, "lead_on": model.runs_at_once}
 
 
 @dataclass(frozen=True)
@@ -127,7 +128,7 @@ class OdeCandidate(BaseCandidate):
             open_steps=1,
             max_steps=6,
             fallback=self.fit.x if near else None,
-            near=slopes_last(self.model),
+            **slopes_last(self.model),
         )
         return None if fit is None else replace(self, fit=fit)
 
@@ -297,7 +298,7 @@ class OdeBackend(Backend):
                     max_steps=max_steps,
                     best=best,
                     fallback=fallback,
-                    near=slopes_last(model),
+                    **slopes_last(model),
                     idle=0.0 if settled else IDLE_NATS * 2 * REMEMBERED / self.record.n_values,
                     idle_above=FAR_BY_COST * self.record.n_values,
                 )
