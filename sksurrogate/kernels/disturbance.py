@@ -257,8 +257,10 @@ class Disturbance:
                 cross, b = product(known, whole), 0
                 for block in some:
                     a, b = b, b + block.shape[1]
-                    own = whole[0][:, a:b], whole[1][:, a:b]
-                    yield np.block([[K, cross[:, a:b]], [cross[:, a:b].T, product(own, own)]])
+                    own, k = (whole[0][:, a:b], whole[1][:, a:b]), len(K)
+                    G = np.empty((k + b - a, k + b - a))
+                    G[:k, :k], G[:k, k:], G[k:, :k], G[k:, k:] = K, cross[:, a:b], cross[:, a:b].T, product(own, own)
+                    yield G
 
         return each
 

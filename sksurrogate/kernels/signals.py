@@ -208,19 +208,9 @@ def rate_limit(signal: Signal, limit: np.ndarray, h: float, starts: np.ndarray, 
     reach = np.reshape(limit, (-1, 1)) * h
     target, reach = np.broadcast_arrays(target, np.broadcast_to(reach, (max(len(target), len(reach)), 1)))
     n = target.shape[1]
-    bounds = np.r_[starts * n_sub, n]
-    longest = int(np.max(np.diff(bounds)))
-    ahead = np.empty(target.shape)
-    first = _before_run(_by_time(signal.start())[:, bounds[:-1]], before)
-    w = np.broadcast_to(first, (len(target), first.shape[1])).copy()
+    first = _before_run(_by_time(signal.start())[:, starts * n_sub], before)
     r = reach[:, :1]
-    for k in range(
-        longest
-    ):  # each sample depends on the last: the one loop over time here, all runs and columns at once
-        rows = bounds[:-1] + k
-        alive = rows < bounds[1:]
-        ahead[:, rows[alive]] = w[:, alive]
-        w[:, alive] += np.clip(target[:, rows[alive]] - w[:, alive], -r, r)
+    ahead = _followed(target, np.broadcast_to(first, (len(target), first.shape[1])), r, np.r_[starts * n_sub, n])
     mean, half = ramp_piece(ahead, target, r)
     if signal.half is not None:  # where it follows from end to end, it is the input
         u, rise = np.broadcast_to(_by_time(signal.mean), mean.shape), np.broadcast_to(_by_time(signal.half), mean.shape)
@@ -228,6 +218,35 @@ def rate_limit(signal: Signal, limit: np.ndarray, h: float, starts: np.ndarray, 
         follows = met & (np.abs(ahead - (u - rise)) <= 1e-12 * (np.abs(u) + np.abs(rise)))
         mean, half = np.where(follows, u, mean), np.where(follows, rise, half)
     return Signal(_by_substep(mean, n_sub), _by_substep(half, n_sub), ahead[:, ::n_sub])
+
+
+def _followed(target: np.ndarray, first: np.ndarray, reach: np.ndarray, bounds: np.ndarray) -> np.ndarray:
+    """``w[k + 1] = w[k] + clip(target[k] - w[k], -reach, reach)`` in every run, (n_columns, n_rows).
+
+    Each sample depends on the last: a loop over time, all runs and columns at once, the longest runs first so that those that are
+    left stand together.
+
+    ``first`` (n_columns, n_runs), ``reach`` (n_columns, 1).
+    ``bounds``: first rows of the runs, and the number of rows.
+    """
+    lengths = np.diff(bounds)
+    longest_first = np.argsort(-lengths, kind="stable")
+    age = np.arange(bounds[-1]) - np.repeat(bounds[:-1], lengths)
+    rank = np.repeat(np.argsort(longest_first, kind="stable"), lengths)
+    order = np.lexsort((rank, age))
+    ends = np.cumsum(np.bincount(age)).tolist()
+    targets, w, most = target.T[order], first.T[longest_first], reach.T
+    out, begin = np.empty_like(targets), 0
+    for end in ends:
+        w = w[: end - begin]
+        out[begin:end] = w
+        step = targets[begin:end] - w
+        np.minimum(np.maximum(step, -most, out=step), most, out=step)
+        w = w + step
+        begin = end
+    ahead = np.empty(target.shape)
+    ahead[:, order] = out.T
+    return ahead
 
 
 def ramp_piece(before: Any, target: Any, reach: Any) -> tuple[Any, Any]:

@@ -163,6 +163,18 @@ def test_play_and_rate_limit_equal_their_recursions():
         last = following
 
 
+def test_runs_of_any_length_and_limits_side_by_side_are_followed_as_each_alone():
+    u, limits = RNG.normal(size=42), np.array([2.0, np.inf, 0.0])
+    bounds = np.array([0, 5, 30, 31, 42])
+    whole = rate_limit(hold(u, 1, 0, bounds[:-1]), limits, 0.05, bounds[:-1]).at_samples()
+    assert whole.shape == (3, 42)
+    for a, b in zip(bounds[:-1], bounds[1:]):
+        for row, limit in zip(whole, limits):
+            alone = rate_limit(hold(u[a:b], 1, 0, np.array([0])), np.array([limit]), 0.05, np.array([0])).at_samples()
+            np.testing.assert_array_equal(row[a:b], alone[0])
+    np.testing.assert_allclose(whole[1, 1:5], u[:4], rtol=1e-14)  # no limit: the input of the sample before
+
+
 def test_rows_and_diagonal_are_those_of_the_whole_gram(monkeypatch):
     monkeypatch.setattr(disturbance, "MOST_ABREAST", 4)
     A = 0.3 * RNG.normal(size=(2, 2, 100))
