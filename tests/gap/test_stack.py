@@ -62,7 +62,7 @@ def test_no_third_effect_with_states_of_its_own_is_asked_for(monkeypatch):
     expander = OdeSearch(problem, [lag, mode, spring, loss], np.zeros((2, 10)))
     monkeypatch.setattr(OdeSearch, "searching", lambda self, base: problem)
     monkeypatch.setattr(OdeSearch, "guess", lambda self, base: None)
-    empty = SimpleNamespace(starts=[])
+    empty = type("Empty", (), {"starts": []})()
     module = "sksurrogate.gap.search._expander"
     monkeypatch.setattr(f"{module}.screen", lambda candidates, *rest, **more: asked.append(candidates) or empty)
     for effects in [(lag,), (lag, mode)]:

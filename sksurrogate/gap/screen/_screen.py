@@ -61,6 +61,11 @@ class Start:
     raw: np.ndarray = field(default_factory=lambda: np.zeros(0))  #: Values at which its column was computed
 
     @property
+    def promises(self) -> float:
+        """The larger of the two expected drops."""
+        return max(self.white, self.forced)
+
+    @property
     def x(self) -> np.ndarray:
         """Trajectory of all states, hidden ones of the effect last."""
         return self.path if self.hidden is None else np.concatenate([self.path, self.hidden])

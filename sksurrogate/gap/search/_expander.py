@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from itertools import islice
 from typing import Any, TypeAlias
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from joblib import delayed, effective_n_jobs
@@ -57,6 +58,8 @@ class Expander(SetSearch[OdeCandidate]):
     x: np.ndarray  #: (n_states, n_samples): smoothed nominal trajectory
     screens: dict = field(default_factory=dict)  #: Cost and screen of every base
     first_screen: Screen | None = None  #: What the screen expects of single effects
+    #: What was fitted from each screen, by the key of the effect: from the same starts a fit leads to the same place
+    tried: WeakKeyDictionary[Screen, dict[Any, OdeCandidate]] = field(default_factory=WeakKeyDictionary)
     #: Effects of the library that are asked only where something without a name remains, by key
     later_asked: dict[Any, BaseEffect] = field(default_factory=dict)
 
@@ -79,12 +82,15 @@ class Expander(SetSearch[OdeCandidate]):
 
     def expand(self, base: OdeCandidate, wanted: Wanted) -> list[OdeCandidate]:
         base, found = self.base_and_screen(base, wanted.among, wanted.thorough)
-        starts = [start for start in found.starts if start.evident or max(start.white, start.forced) >= wanted.least]
+        starts = [one for one in found.starts if one.promises > 0.0 and (one.evident or one.promises >= wanted.least)]
         chosen = best_starts(starts, wanted.by_white, wanted.by_forced, self.n_values)
         self.report(f"fitting {len(chosen)} candidates")
-        again = self.known(base, [c[0].effect for c in chosen])
-        have = {candidate.effects[-1].key for candidate in again}
-        candidates = again + self.fit_all(base, [c for c in chosen if c[0].effect.key not in have], wanted.best)
+        wanted_keys, tried = [c[0].effect.key for c in chosen], self.tried.setdefault(found, {})
+        again = {one.effects[-1].key: one for one in self.known(base, [c[0].effect for c in chosen])}
+        again = {key: tried[key] for key in wanted_keys if key in tried} | again
+        new = self.fit_all(base, [c for c in chosen if c[0].effect.key not in again], wanted.best)
+        tried.update((one.effects[-1].key, one) for one in new)
+        candidates = [*again.values(), *new]
         self.remember(candidates)
         return candidates + self.siblings(candidates, base) if wanted.siblings and candidates else candidates
 

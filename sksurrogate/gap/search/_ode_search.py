@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -33,6 +33,9 @@ FINER = ((SEARCH_SUBSTEPS, SEARCH_SHARPNESS), (8, 500.0))
 @dataclass(eq=False)
 class OdeSearch(Expander):
     """The search around a simulator with a right-hand side or a step."""
+
+    #: Sets without one of their effects, by the set, its place and the best fit of the others that was known then
+    smaller: dict[Any, OdeCandidate | None] = field(default_factory=dict)
 
     @property
     def positions(self) -> tuple[str, ...]:
@@ -117,13 +120,17 @@ class OdeSearch(Expander):
     def refitted_without(self, candidate: OdeCandidate, i: int) -> OdeCandidate | None:
         """Without effect i; a step may have been off, and effect i have made up for it: then from where this set was nearer to the data."""
         effects, theta = candidate.without_effect(i)
+        known = self.fitted.get(frozenset(effect.key for effect in effects))
+        asked = candidate, i, known
+        if asked in self.smaller:
+            return self.smaller[asked]
         base = candidate.problem.fit(effects, theta, candidate.fit.x[: candidate.model.n_nominal])
         for j in range(len(effects)):
             base = base and line_searched(base, j)
-        known = self.fitted.get(frozenset(effect.key for effect in effects))
-        if known is None or (base is not None and known.fit.cost > COMES_BACK * base.fit.cost):
-            return base
-        return cheapest([base, candidate.problem.fit(known.effects, known.fit.theta, known.fit.x, open_steps=0)])
+        if known is not None and (base is None or known.fit.cost <= COMES_BACK * base.fit.cost):
+            base = cheapest([base, candidate.problem.fit(known.effects, known.fit.theta, known.fit.x, open_steps=0)])
+        self.smaller[asked] = base
+        return base
 
     def refined(self, candidate: OdeCandidate) -> OdeCandidate:
         """Fitted to the end, with kinks sharper and steps shorter where that matters."""
@@ -145,7 +152,7 @@ class OdeSearch(Expander):
     # ---- what could stand in the place of a name --------------------------------------------------------------------
     def in_place_of(self, final: Evidence[OdeCandidate], i: int) -> list[OdeCandidate]:
         named, single = final.candidate, len(final.effects) == 1
-        base = self.fitted_null.candidate if single else self.without(named, i)
+        base = self.fitted_null.candidate if single else self.without(named, i) or named.taken_out(i)
         if base is None:
             return []
         few = self.is_far(named) or is_stack(final)

@@ -9,7 +9,7 @@ import numpy as np
 
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.effects._onset import EDGE_SHARES, WINDOW_SHARES, Starting, can_start, starting
-from sksurrogate.gap.fit._closeness import AT_THE_NOISE
+from sksurrogate.gap.fit._closeness import AT_THE_NOISE, MOST_LEFT
 from sksurrogate.gap.fit._evidence import CERTAIN
 from sksurrogate.gap.fit._normal_equations import project_starts
 from sksurrogate.gap.fit._ode import OdeCandidate
@@ -18,7 +18,7 @@ from sksurrogate.gap.screen._screen import Screen, grown, grows
 from sksurrogate.gap.search._base import Wanted
 from sksurrogate.gap.search._expander import Expander
 from sksurrogate.gap.search._nested import richer
-from sksurrogate.gap.search._stopping import grows_in_vain
+from sksurrogate.gap.search._stopping import grows_in_vain, in_vain_from
 
 #: Effects that are tried in a window, and columns of the screen that are looked at for them.
 MOST_WINDOWED, MOST_ONSET_COLUMNS = 6, 200
@@ -160,24 +160,27 @@ def fewer_with_a_time(one: OdeCandidate, other: OdeCandidate) -> bool:
 def look_for_onsets(search: Expander) -> None:
     """Where what stands leaves something, or takes several names: the best effects in windows of time in its place.
 
-    One effect that is always there and leaves the noise is not asked: no window could earn its price. Nor is one that would leave
-    more than names may, also with others.
+    One effect that is always there and leaves the noise is not asked: no window could earn its price. Nor are windows that would leave
+    most of what the simulator alone leaves and hardly less than what stands, or with others more than names may.
     """
     null, final = search.fitted_null, search.standing
     explained = final.left < AT_THE_NOISE
     if null.left < AT_THE_NOISE or (explained and len(final.effects) == 1) or search.first_screen is None:
         return
-    left_by, most = search.first_screen.left_by, search.most_left_cost
+    left_by = search.first_screen.left_by
+    # edges lie apart here: up to half of what the null leaves (amplitude) may be theirs
+    most = max(in_vain_from(final.candidate, null.candidate), MOST_LEFT**2 * null.fit.cost)
+    if left_by[-1] > search.most_left_cost:  # other names beside it close too little
+        most = min(most, search.most_left_cost)
     found = confined(search.first_screen, search.problem.record.lengths, search.needed_gain(2))[:MOST_WINDOWED]
-    if left_by[-1] > most:  # other names beside it close too little
-        found = [one for one in found if left_by[0] - one.drop < most]
+    found = [one for one in found if left_by[0] - one.drop < most]
     if not found:
         return
     search.report("effects that begin or end within the runs")
     windowed = [starting(one.effect, one.span) for one in found]
     n_windows = sum(len(WINDOW_SHARES if len(one.span) > 1 else EDGE_SHARES) for one in found)
     base = null.candidate
-    trial = search.ranked(search.expand(base, Wanted(MOST_WINDOWED, 2, windowed)), base)
+    trial = search.ranked(search.expand(base, Wanted(MOST_WINDOWED, 2, windowed, least=left_by[0] - most)), base)
     if not trial:
         return
     top = search.best_polished(trial)

@@ -67,13 +67,15 @@ class SetMoves(BaseSearch[C]):
         """Whether the path of a candidate shows what makes each of its effects what it is."""
         return True
 
+    def diverged(self, candidate: C) -> bool:
+        """Whether a fit has left the data."""
+        return not candidate.fit.cost < DIVERGED_COST * self.fitted_null.fit.cost
+
     # ---- steps ------------------------------------------------------------------------------------------------------
     def ranked(self, candidates: Iterable[C], base: C) -> list[C]:
         """Candidates by penalised likelihood, the best under their own noise, the others by a quick look."""
         candidates = [
-            candidate
-            for candidate in candidates
-            if candidate.fit.cost < DIVERGED_COST * self.fitted_null.fit.cost and self.plausible(candidate)
+            candidate for candidate in candidates if not self.diverged(candidate) and self.plausible(candidate)
         ]
         if not candidates:
             return []
@@ -127,10 +129,10 @@ class SetMoves(BaseSearch[C]):
         return best
 
     def without(self, candidate: C, i: int) -> C | None:
-        """The candidate refitted without effect i."""
+        """The candidate refitted without effect i; None where the others run away."""
         base = self.refitted_without(candidate, i)
-        if base is None and self.null is not None and len(candidate.effects) == 1:
-            base = self.null.candidate
+        if self.null is not None and (base is None or self.diverged(base)):
+            base = self.null.candidate if len(candidate.effects) == 1 else None
         noise = self.noise_of(candidate)
         if base is not None and noise is not None and self.own(base) is None:
             self.judge(replace(judged_under(base, [noise]), quick=False))

@@ -125,7 +125,7 @@ class SetSearch(SetMoves[C]):
             return None
         trial.sort(key=self.order(trial), reverse=True)
         top = self.best_polished(trial)
-        self.runners = unlike(trial, [top], RUNNERS)
+        self.runners = unlike(gaining(trial, best), [top], RUNNERS)
         if not self.passes(top, best, passed):
             return None
         top = simplify(self, self.swap(top))
@@ -200,9 +200,14 @@ class SetSearch(SetMoves[C]):
             return self.runners if self.is_far(best) else []
         if self.frugal:
             return []
-        others = [candidate for candidate in self.first_round if candidate.keys != best.keys]
+        others = [one for one in gaining(self.first_round, self.fitted_null.candidate) if one.keys != best.keys]
         by_cost = sorted(others, key=lambda candidate: candidate.fit.cost)
         return unlike([*unlike(others, [best], 2), *unlike(by_cost, [best], 2)], [best], 4)
+
+
+def gaining(candidates: Sequence[C], smaller: C) -> list[C]:
+    """Those that leave less than a smaller set: one that leaves more, with an effect that no fit could shrink, leads nowhere."""
+    return [candidate for candidate in candidates if candidate.fit.cost < smaller.fit.cost]
 
 
 def unlike(candidates: Sequence[C], taken: Sequence[C], most: int) -> list[C]:

@@ -21,7 +21,12 @@ MOST_HIDDEN = 2
 
 def grows_in_vain(candidate: BaseCandidate, before: BaseCandidate, null: BaseCandidate) -> bool:
     """Whether a set far from the data leaves much of the gap, and its last effect took little of what was left ``before``."""
-    return candidate.fit.cost > max(MUCH_LEFT**2 * null.fit.cost, HARDLY_LESS * before.fit.cost)
+    return candidate.fit.cost > in_vain_from(before, null)
+
+
+def in_vain_from(before: BaseCandidate, null: BaseCandidate) -> float:
+    """The cost beyond which a set is no better than the one ``before``."""
+    return max(MUCH_LEFT**2 * null.fit.cost, HARDLY_LESS * before.fit.cost)
 
 
 def closes_by_size(candidate: Evidence, tolerated: float) -> bool:
