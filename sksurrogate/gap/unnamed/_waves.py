@@ -17,6 +17,8 @@ PEAK = 1.5
 RESOLVED = np.pi
 #: Periods over the range of a driver, beyond which no law of a plant is looked for: a long record resolves any number.
 MOST_PERIODS = 100
+#: Share of their squares' product below which sine and cosine follow each other over the range.
+INDEPENDENT = 1e-10
 #: Share of the range below which a driver stands still.
 NO_MOVE = 1e-6
 
@@ -47,22 +49,36 @@ def waves(z: np.ndarray, force: np.ndarray, starts: np.ndarray) -> list[tuple[fl
     grid = np.arange(PEAK, min(resolved, 2.0 * np.pi * MOST_PERIODS), PEAK) / reach
     rest, found = force - force.mean(), []
     for _ in range(MOST_WAVES if len(grid) else 0):
-        k = max(grid, key=lambda k: _explained(k, z, rest))
+        k = grid[np.argmax(explained(grid, z, rest))]
         near = k + np.linspace(-PEAK, PEAK, 31) / reach
-        k = max(near[near >= grid[0]], key=lambda k: _explained(k, z, rest))
-        columns = _columns(k, z)
+        near = near[near >= grid[0]]
+        k = near[np.argmax(explained(near, z, rest))]
+        columns = np.stack([np.ones_like(z), np.sin(k * z), np.cos(k * z)], axis=1)
         weights = linear_least_squares(columns, rest)
         found.append((float(k), float(np.arctan2(weights[2], weights[1]))))
         rest = rest - columns @ weights
     return found
 
 
-def _columns(k: float, z: np.ndarray) -> np.ndarray:
-    return np.stack([np.ones_like(z), np.sin(k * z), np.cos(k * z)], axis=1)
+def explained(frequencies: np.ndarray, z: np.ndarray, rest: np.ndarray) -> np.ndarray:
+    """Squares of a signal that a constant and a sine explain beyond the constant, for each of equally spaced frequencies.
 
-
-def _explained(k: float, z: np.ndarray, rest: np.ndarray) -> float:
-    """Squares of a signal that a sine of one frequency explains."""
-    columns = _columns(k, z)
-    g = columns.T @ rest
-    return float(g @ linear_least_squares(columns.T @ columns, g))
+    >>> z = np.linspace(0.0, 7.0, 500)
+    >>> int(explained(np.array([1.0, 2.0, 3.0]), z, 3.0 * np.sin(2.0 * z)).argmax())
+    1
+    """
+    out, rest = np.empty(len(frequencies)), rest - rest.mean()
+    turned = np.exp(1j * frequencies[0] * z)
+    further = np.exp(1j * (frequencies[1] - frequencies[0]) * z) if len(frequencies) > 1 else turned
+    for i in range(len(frequencies)):
+        mean, twice, both = turned.mean(), (turned @ turned) / len(z), (turned @ rest) / len(z)
+        # Covariances of sine and cosine with each other and with the signal.
+        ss, cc = 0.5 * (1.0 - twice.real) - mean.imag**2, 0.5 * (1.0 + twice.real) - mean.real**2
+        sc, s, c = 0.5 * twice.imag - mean.real * mean.imag, both.imag, both.real
+        det = ss * cc - sc**2
+        if det > INDEPENDENT * ss * cc:
+            out[i] = (s**2 * cc - 2.0 * s * c * sc + c**2 * ss) / det
+        else:
+            out[i] = max(s**2 / max(ss, 1e-300), c**2 / max(cc, 1e-300))
+        turned = turned * further
+    return out * len(z)
