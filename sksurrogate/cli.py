@@ -373,7 +373,7 @@ def _demo(arguments: argparse.Namespace) -> int:
             raise DataError(f"--html {folder}: no folder can be made there ({_why(error)}).") from error
     good = True
     for number, story in enumerate((story_actuator_and_sensor, story_linearised), start=1):
-        print(f"[demo] diagnosis {number} of 2: less than a minute on a free machine ...", file=sys.stderr)
+        print(f"[demo] diagnosis {number} of 2: about a minute on a free machine ...", file=sys.stderr)
         summary = story()
         target = None if folder is None else str(folder / f"story_{number}.html")
         said, whole = _written("page", target, summary.report.to_html)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sksurrogate.gap.unnamed._waves import waves
+from sksurrogate.gap.unnamed._waves import explained, waves
 
 N = 600
 STARTS = N * np.arange(3)
@@ -41,3 +41,15 @@ def test_a_driver_that_is_held_is_resolved_by_its_steps():
     z = np.repeat(rng.uniform(-2.0, 2.0, 30), 3 * N // 30) + 1e-15 * rng.normal(size=3 * N)
     found = waves(z, np.sin(z + 0.3), STARTS)
     assert found and all(k < 10.0 for k, _ in found)
+
+
+@pytest.mark.parametrize("two_levels", [False, True])
+def test_what_a_sine_explains_is_what_least_squares_say(two_levels):
+    """Of a driver with two levels sine and cosine are one."""
+    rng = np.random.default_rng(3)
+    z = np.repeat(rng.integers(0, 2, 100), 20).astype(float) if two_levels else 0.05 * np.cumsum(rng.normal(size=2000))
+    force, k = np.sin(3 * z) + 0.3 * rng.normal(size=2000), np.arange(1.5, 60.0, 1.5)
+    rest = force - force.mean()
+    columns = [np.stack([np.ones_like(z), np.sin(a * z), np.cos(a * z)], axis=1) for a in k]
+    expected = [np.sum((one @ np.linalg.lstsq(one, rest, rcond=None)[0]) ** 2) for one in columns]
+    np.testing.assert_allclose(explained(k, z, force), expected, rtol=1e-6)
