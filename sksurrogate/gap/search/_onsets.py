@@ -172,6 +172,9 @@ def look_for_onsets(search: Expander) -> None:
     most = max(in_vain_from(final.candidate, null.candidate), MOST_LEFT**2 * null.fit.cost)
     if left_by[-1] > search.most_left_cost:  # other names beside it close too little
         most = min(most, search.most_left_cost)
+    if len(final.effects) == 1 and final.candidate.fit.cost < search.tolerated_cost:
+        # an edge just before that of an effect which always being there nearly tells leaves no more than that
+        most = min(most, final.candidate.fit.cost)
     found = confined(search.first_screen, search.problem.record.lengths, search.needed_gain(2))[:MOST_WINDOWED]
     found = [one for one in found if left_by[0] - one.drop < most]
     if not found:

@@ -73,7 +73,7 @@ def with_relatives(search: SetMoves[C], candidate: C, i: int) -> list[C]:
     new = [e for e in kin if frozenset((*others, e.key)) not in search.fitted]
     base = search.without(candidate, i) if new else None
     if base is not None:
-        search.ranked(search.expand(base, Wanted(2, 1, new)), base)
+        search.ranked(search.expand(base, Wanted(2, 1, new, best=candidate.fit.cost)), base)
     known = (search.fitted.get(frozenset((*others, e.key))) for e in kin)
     return [one for one in known if one is not None and search.plausible(one)]
 

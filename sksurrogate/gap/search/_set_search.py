@@ -134,7 +134,7 @@ class SetSearch(SetMoves[C]):
     def larger_sets(self, best: C, passed: bool) -> list[C]:
         """The set with one effect more, where that is not near the noise with two, and other sets of its size with as many more.
 
-        None where none can pass.
+        Others are extended where the screen expects them to come nearer than the nearest. None where none can pass.
         """
         left = self.judged[best].left
         hopeless = SCREENED * self.needed_gain(1) if passed and left < AT_THE_NOISE else 0.0
@@ -147,13 +147,15 @@ class SetSearch(SetMoves[C]):
         nearest = self.own(max(trial, key=self.score)) if trial else None
         if settled or (nearest is not None and nearest.left < AT_THE_NOISE):
             return trial
-        others = self.beam(best)
-        if passed and len(best.effects) <= MOST_EFFECTS - 2:
-            nearest_cost = min((candidate.fit.cost for candidate in trial), default=best.fit.cost)
+        nearest_cost = min((candidate.fit.cost for candidate in trial), default=best.fit.cost)
+        two = passed and len(best.effects) <= MOST_EFFECTS - 2
+        others = [one for one in self.beam(best) if self.left_beside(one, 1 + two) < nearest_cost]
+        if two:
             for base in (best, *others):
                 trial += self.ranked(self.pairs(base, nearest_cost), base)
         for base in others:
-            trial += self.ranked(self.expand(base, Wanted(6, 3)), base)
+            if self.left_beside(base, 1) < nearest_cost:
+                trial += self.ranked(self.expand(base, Wanted(6, 3)), base)
         return trial
 
     def needed(self, candidate: C, best: C) -> C:
