@@ -20,10 +20,10 @@ from sksurrogate.effects._effect import (
 )
 from sksurrogate.effects._input import within_runs
 from sksurrogate.effects._limit import in_force
-from sksurrogate.effects._onset import Starting, edges_of, timed
+from sksurrogate.effects._onset import Starting, edges_of, kinks_of, timed
 from sksurrogate.effects._parameter import constant_in_time
 from sksurrogate.effects._readings import read_sensors
-from sksurrogate.effects._whole_step import held_for, own_run, whole_step
+from sksurrogate.effects._whole_step import has_own_steps, held_for, own_run, whole_step
 from sksurrogate.effects._wires import entering, factors, kink_width, wire_of
 from sksurrogate.kernels.clock import check_time
 from sksurrogate.kernels.integrate import closing_weight, rk4
@@ -195,7 +195,7 @@ class BoundModel:
         self._balances = [i for i in laws if wires[i].port < 0]
         self._at_ports = [i for i in laws if wires[i].port >= 0 and wires[i].parameter is None]
         self._as_parameters = [i for i in laws if wires[i].parameter is not None]
-        self.held = held_for(augmented.plant, self.record.dt, self.h) if self._at_ports else self.h
+        self.held = held_for(augmented.plant, self.record.dt, self.h)
         self._widths = [
             kink_width(effect, wire, values, self.held if wire.port >= 0 else self.h)
             for effect, wire, values in zip(augmented.effects, wires, self._parameters)
@@ -210,6 +210,14 @@ class BoundModel:
         self._constant_params = None
         self._constant_params = None if self._drift else self.params_at(0.0)
         self._mean, self._half, self.shown = self._inputs()
+        changed = any(isinstance(effect, InputEffect) for effect in effects)
+        #: Whether effects change inputs within a sample that the simulator takes in steps of its own
+        self.moves_within = changed and has_own_steps(augmented.plant) and bool(np.any(self._mean != self._mean[:1]))
+
+    @property
+    def widths(self) -> list[float]:
+        """Width of the kinks of every effect, in its variable."""
+        return [float(np.ravel(kinks_of(width))[0]) for width in self._widths]
 
     # ---- parameters -------------------------------------------------------------------------------------------------
     def params_at(self, t: Any, x: Any = None, u: Any = None) -> dict[str, np.ndarray]:

@@ -14,6 +14,7 @@ class Effects(Protocol):
 
     a: Any
     held: float
+    moves_within: bool
 
     def rates_of_effects(self, t: np.ndarray, x: np.ndarray, u: np.ndarray, dx: np.ndarray) -> np.ndarray:
         """``dx`` with the terms of the effects added and the rates of hidden states filled in."""
@@ -33,8 +34,25 @@ def held_for(plant: Plant, dt: float, h: float) -> float:
     """
     if plant.access != "step":
         return h
-    own = getattr(plant.simulator, "timestep", None)
-    return dt / max(1, round(dt / float(own))) if own else dt
+    return dt / max(1, round(dt / float(plant.simulator.timestep))) if has_own_steps(plant) else dt
+
+
+def has_own_steps(plant: Plant) -> bool:
+    """Whether a simulator that steps says what its own step is."""
+    return plant.access == "step" and bool(getattr(plant.simulator, "timestep", None))
+
+
+def by_own_steps(mean: np.ndarray, parts: int) -> np.ndarray:
+    """Means over equal parts of a sample, (parts, ...), from those over equal substeps, (n_sub, ...).
+
+    >>> by_own_steps(np.array([0.0, 0.0, 1.0, 3.0]), 2), by_own_steps(np.array([0.0, 3.0]), 3)
+    (array([0., 2.]), array([0. , 1.5, 3. ]))
+    """
+    edges = np.linspace(0.0, len(mean), parts + 1)
+    overlap = np.clip(edges[1:, None] - np.arange(len(mean)), 0.0, 1.0) - np.clip(
+        edges[:-1, None] - np.arange(len(mean)), 0.0, 1.0
+    )
+    return np.asarray(np.tensordot(overlap, mean, 1) * (parts / len(mean)))
 
 
 def whole_step(
@@ -50,14 +68,13 @@ def whole_step(
     ``has_rates, has_ports``: whether effects act on balances or have states of their own, and whether they act at ports.
     """
     a = bound.a
-    own = has_ports and bool(getattr(a.plant.simulator, "timestep", None))
     u = np.mean(mean, axis=0)
     varied = bound.params_at(t, x, u)
-    if own:
-        parts = max(1, round(a.record.dt / bound.held))
-        h = a.record.dt / parts
-        for part in range(parts):
-            x = _own_step(bound, t + part * h, x, u, h, varied, has_rates)
+    if bound.moves_within or (has_ports and has_own_steps(a.plant)):
+        inputs = inputs_held(bound, mean)
+        h = a.record.dt / len(inputs)
+        for part, one in enumerate(inputs):
+            x = _own_step(bound, t + part * h, x, one, h, varied, has_rates)
         return x
     dt = a.record.dt
     drift = _drift(bound, t, x, u, dt, varied) if has_rates else None
@@ -74,23 +91,32 @@ def own_run(bound: Effects, x0: np.ndarray, mean: np.ndarray, has_ports: bool) -
 
     ``mean`` (n_sub, n_inputs, 1, n_samples).
     """
-    a, record, u = bound.a, bound.a.record, np.mean(mean, axis=0)
-    varied = {name: float(np.ravel(value)[0]) for name, value in bound.params_at(record.t, x0, u).items()}
+    a, record = bound.a, bound.a.record
+    u = inputs_held(bound, mean) if bound.moves_within else np.mean(mean, axis=0, keepdims=True)
+    varied = {name: float(np.ravel(value)[0]) for name, value in bound.params_at(record.t, x0, u[0]).items()}
     hidden = np.full((a.n_states - a.n_nominal, record.n_samples), np.nan)
 
     def entering(rows: np.ndarray) -> _Laws:
         return _Laws(bound, u, rows, x0[a.n_nominal :], hidden)
 
     run: np.ndarray | None = a.model.march(
-        x0[: a.n_nominal], u[:, 0], record.lengths, record.dt, varied, entering if has_ports else None
+        x0[: a.n_nominal], u[:, :, 0], record.lengths, record.dt, varied, entering if has_ports else None
     )
     return run if run is None or not len(hidden) else np.concatenate([run, hidden])
+
+
+def inputs_held(bound: Effects, mean: np.ndarray) -> np.ndarray:
+    """Inputs in each of the simulator's own steps, (n_steps, n_inputs, n_columns | 1, n_samples), from means over the substeps."""
+    parts = max(1, round(bound.a.record.dt / bound.held))
+    if not bound.moves_within:
+        return np.broadcast_to(np.mean(mean, axis=0), (parts, *mean.shape[1:]))
+    return by_own_steps(mean, parts)
 
 
 class _Laws:
     """What enters at the ports in runs by the simulator's own steps; hidden states of the laws are carried along.
 
-    ``u`` (n_inputs, 1, n_samples).
+    ``u`` (n_parts, n_inputs, 1, n_samples): in every equal part of a sample.
     ``rows`` (n_runs, n_most): of every run, short ones filled up with their last.
     ``z`` (n_hidden, n_runs): initial hidden states.
     ``hidden`` (n_hidden, n_samples): takes them up.
@@ -101,8 +127,9 @@ class _Laws:
         self.last: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None  # time, states and inputs of the step before
 
     def __call__(self, k: int, after: float, x: np.ndarray) -> np.ndarray:
-        rows = self.rows[:, k]
-        t, u = self.bound.a.record.t[rows] + after, self.u[..., rows]
+        rows, dt = self.rows[:, k], self.bound.a.record.dt
+        part = int(len(self.u) * after / dt + 1e-6)
+        t, u = self.bound.a.record.t[rows] + after, self.u[part][..., rows]
         whole = np.concatenate([x, self.z])[:, None]
         if len(self.z):
             if self.last is not None:

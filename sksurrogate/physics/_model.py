@@ -142,7 +142,8 @@ class PlantModel:
     ) -> np.ndarray | None:
         """Free runs (n_states, n_samples), one behind the other, by steps of the simulator's own; None where it offers no such march.
 
-        ``x0`` (n_states, n_runs), ``u`` (n_inputs, n_samples): held; ``lengths`` (n_runs,).
+        ``x0`` (n_states, n_runs), ``lengths`` (n_runs,); ``u`` (n_inputs, n_samples): held, or (n_parts, n_inputs, n_samples): in every
+            equal part of a sample.
         ``entering(rows)``: of the rows of every run (n_runs, n_most), short ones filled up with their last, what enters at the ports: a
             function of a sample, the time after it and the states there; u by default.
         """
@@ -153,7 +154,7 @@ class PlantModel:
         ages, ends = np.arange(int(lengths.max())), lengths[:, None]
         rows = (np.cumsum(lengths) - lengths)[:, None] + np.minimum(ages, ends - 1)
         own = None if entering is None else entering(rows)
-        found = march(x0, u[:, rows], {**self.plant.params, **varied}, dt, own, lengths)
+        found = march(x0, u[..., rows], {**self.plant.params, **varied}, dt, own, lengths)
         return None if found is None else found[:, ages < ends]
 
     def output(

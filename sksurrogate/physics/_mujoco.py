@@ -289,7 +289,8 @@ class MuJoCoSimulator(NamedModel):
         Parameters
         ----------
         X0 : ndarray (n_states, n_runs)
-        U : ndarray (n_inputs, n_runs, n_samples)
+        U : ndarray (n_inputs, n_runs, n_samples) or (n_parts, n_inputs, n_runs, n_samples)
+            Held over a sample, or over each of so many equal parts, a divisor of its steps.
         p : dict of float
             Those that are missing have the model's values.
         dt : float
@@ -310,11 +311,11 @@ class MuJoCoSimulator(NamedModel):
         if ratio < 1 or abs(dt - ratio * engine.timestep) > 1e-6 * dt:
             return None
         if not np.isfinite(U).all():
-            return np.full((len(X0), *U.shape[1:]), np.nan)
-        lengths = np.full(X0.shape[1], U.shape[2]) if lengths is None else lengths
+            return np.full((len(X0), *U.shape[-2:]), np.nan)
+        lengths = np.full(X0.shape[1], U.shape[-1]) if lengths is None else lengths
         if entering is not None:
             return run_in_steps(engine, [*self.inputs, *self.ports], X0, lengths, ratio, p, entering)
-        return run_by_rollout(engine, self.inputs, X0, U, lengths, ratio, p)
+        return run_by_rollout(engine, self.inputs, X0, U if U.ndim == 4 else U[None], lengths, ratio, p)
 
     def _run(self, U: np.ndarray, X0: Any, t: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """States (n_runs, n_samples, n_states), sensor components (n_runs, n_samples, n_components), times."""

@@ -27,14 +27,16 @@ def run_by_rollout(
     ratio: int,
     p: Mapping[str, float],
 ) -> np.ndarray:
-    """States (n_states, n_runs, n_samples) under held inputs ``U`` (n_inputs, n_runs, n_samples); other arguments as below.
+    """States (n_states, n_runs, n_samples) under inputs ``U`` (n_parts, n_inputs, n_runs, n_samples) held over equal parts of a sample.
 
-    A rollout has one length: runs that differ less than twofold go together.
+    A rollout has one length: runs that differ less than twofold go together. Other arguments as below.
     """
-    octave, out = np.frexp(lengths)[1], np.full((*X0.shape, U.shape[2]), np.nan)
+    octave, out, parts = np.frexp(lengths)[1], np.full((*X0.shape, U.shape[-1]), np.nan), len(U)
     for runs in (np.flatnonzero(octave == one) for one in np.unique(octave)):
-        rows = ratio * np.arange(lengths[runs].max())
-        held = held_inputs(engine.layout, names, U[:, runs, : len(rows)].transpose(1, 2, 0), np.diff(rows))
+        n_samples = lengths[runs].max()
+        rows, n_parts = ratio * np.arange(n_samples), parts * (n_samples - 1)
+        inputs = U[:, :, runs, :n_samples].transpose(2, 3, 0, 1).reshape(len(runs), -1, U.shape[1])[:, : n_parts + 1]
+        held = held_inputs(engine.layout, names, inputs, np.full(n_parts, ratio // parts))
         out[:, runs, : len(rows)] = engine.runs(0.0, X0[:, runs].T, held, p, rows)[0].transpose(2, 0, 1)
     return out
 
