@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from sksurrogate.effects._effect import BalanceEffect, Parameter, Probe
-from sksurrogate.effects._smooth import TINY, WITHIN_SAMPLE, positive, power, sign, stable_power
+from sksurrogate.effects._smooth import WITHIN_SAMPLE, positive, power, sign, stable_power
+from sksurrogate.effects._stribeck_curve import LEAST_RATIO, larger_at_rest, stribeck_curve
 from sksurrogate.physics._simulator import Plant
 
 #: Levels of dry friction that may stop a state, over that of a tenth of its balance (a state that sticks hardly moves,
@@ -168,9 +169,7 @@ class StribeckFriction(BalanceEffect):
     linear = False
 
     def term(self, t: Any, x: np.ndarray, v: Any, theta: Sequence[Any], width: float) -> Any:
-        level, static, velocity = theta
-        ratio = np.minimum(np.abs(v) / np.maximum(velocity, TINY), 30.0)
-        return -(level + np.maximum(static - level, 0.0) * np.exp(-ratio * ratio)) * sign(v, width)
+        return -stribeck_curve(v, *theta) * sign(v, width)
 
     def jump(self, theta: Sequence[Any]) -> Any:
         """The larger of both levels."""
@@ -180,7 +179,12 @@ class StribeckFriction(BalanceEffect):
         """Friction is larger when slow, and the variable takes more than a part of a sample to pass that velocity."""
         assert probe.v is not None
         change = float(np.sqrt(np.mean(np.diff(probe.v) ** 2))) if len(probe.v) > 1 else 0.0
-        return bool(theta[1] > theta[0] and theta[2] > WITHIN_SAMPLE * change)
+        return bool(theta[1] > LEAST_RATIO * theta[0] and theta[2] > WITHIN_SAMPLE * change)
+
+    def identifiable(self, theta: Sequence[float]) -> tuple[float, ...]:
+        """Larger when slow."""
+        level, static, velocity = theta
+        return level, larger_at_rest(level, static), velocity
 
     def canonical(self, theta: Sequence[float]) -> tuple[float, ...]:
         """No less at rest than in motion."""

@@ -101,6 +101,10 @@ class BaseEffect(PriorOdds, BaseEstimator):
         """Whether these data show at these values what makes the effect what it is: not a step before the first reading."""
         return True
 
+    def identifiable(self, theta: Sequence[float]) -> tuple[float, ...]:
+        """The nearest values at which every parameter moves what the effect does: a fit beyond them has no slope to return by."""
+        return tuple(theta)
+
     def lower_bounds(self, duration: float) -> tuple[float, ...]:
         """Lower bounds in a record whose longest run has this duration: slower things than it shows are left to others."""
         return tuple(p.low for p in self.parameters)

@@ -9,6 +9,7 @@ import numpy as np
 
 from sksurrogate.effects._effect import HiddenEffect, Parameter, Probe
 from sksurrogate.effects._smooth import TINY, WITHIN_SAMPLE, follow, magnitude
+from sksurrogate.effects._stribeck_curve import larger_at_rest, stribeck_curve
 
 #: A companion with a time constant of so many of the longest runs moves by a quarter of the way in them: its pull is that of
 #: a loss. True ones follow within a run, those in the place of other laws were found at 5 runs to 1e20.
@@ -102,10 +103,7 @@ class LugreFriction(HiddenEffect):
 
     def _decay(self, v: np.ndarray, theta: Sequence[Any], width: float) -> Any:
         """``c abs(v) / g(v)``."""
-        stiffness, level, static, velocity = theta
-        ratio = np.minimum(np.abs(v) / velocity, 30.0)
-        g = level + np.maximum(static - level, 0.0) * np.exp(-ratio * ratio)
-        return stiffness * magnitude(v, width) / np.maximum(g, TINY)
+        return theta[0] * magnitude(v, width) / np.maximum(stribeck_curve(v, *theta[1:]), TINY)
 
     def force(self, z: np.ndarray, v: np.ndarray, theta: Sequence[Any]) -> Any:
         return -theta[0] * z[0]
@@ -121,6 +119,11 @@ class LugreFriction(HiddenEffect):
         """No less at rest than in motion."""
         stiffness, level, static, velocity = theta
         return stiffness, level, max(static, level), velocity
+
+    def identifiable(self, theta: Sequence[float]) -> tuple[float, ...]:
+        """Larger when slow."""
+        stiffness, level, static, velocity = theta
+        return stiffness, level, larger_at_rest(level, static), velocity
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
         """Bristles that give way after a part of a typical travel or more; friction at rest clearly and hardly above the other."""

@@ -141,6 +141,10 @@ class Starting(BaseEffect):
         inside = all(probe.dt <= bound <= probe.duration - probe.dt for bound in times.values())
         return inside and last - first >= 2 * probe.dt and super().plausible(self.own(theta), probe)
 
+    def identifiable(self, theta: Sequence[float]) -> tuple[float, ...]:
+        """Those of the effect, in the same window."""
+        return (*super().identifiable(self.own(theta)), *self.bounds(theta))
+
     def lower_bounds(self, duration: float) -> tuple[float, ...]:
         """Those of the effect, and 0."""
         return (*super().lower_bounds(duration)[: len(self.parameters) - len(self.span)], *(0.0 for _ in self.span))

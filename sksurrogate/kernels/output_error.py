@@ -8,7 +8,9 @@ the free-run cost and the merit function is exact.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -113,6 +115,7 @@ def output_error(
     *,
     unit: np.ndarray,
     bounds: tuple[np.ndarray, np.ndarray],
+    within: Callable[[np.ndarray], np.ndarray] | None = None,
     prior: np.ndarray | None = None,
     centre: np.ndarray | None = None,
     open_steps: int = 3,
@@ -135,6 +138,7 @@ def output_error(
     ``sd`` (n_outputs,): standard deviation of the noise.
     ``unit`` (n_theta,): size of each parameter, for differences near 0.
     ``bounds`` (low, high), each ndarray (n_theta,).
+    ``within``: the nearest parameters that a step may end at; by default those within the bounds.
     ``prior`` (n_theta,): standard deviation of a prior; inf for none.
     ``centre`` (n_theta,): mean of the prior; 0 by default.
     ``open_steps``: undamped steps that close the trajectory and move the parameters at once.
@@ -155,7 +159,21 @@ def output_error(
     """
     with np.errstate(all="ignore"):
         fit = _OutputError(
-            model, sd, unit, bounds, prior, fit_start, reach, settled, tries, near, centre, idle, idle_above, lead_on
+            model,
+            sd,
+            unit,
+            bounds,
+            prior,
+            fit_start,
+            reach,
+            settled,
+            tries,
+            near,
+            centre,
+            idle,
+            idle_above,
+            lead_on,
+            within,
         )
         return fit.run(theta, x, open_steps, max_steps, best, fallback)
 
@@ -183,9 +201,11 @@ class _OutputError:
         self, model: FreeRunModel, sd: np.ndarray, unit: np.ndarray, bounds: tuple, prior: np.ndarray | None = None, fit_start: bool = True,
         reach: float = np.inf, settled: float = OPEN_STEPS_SETTLED, tries: int = 6, near: float = 0.0,
         centre: np.ndarray | None = None, idle: float = 0.0, idle_above: float = np.inf, lead_on: bool = False,
+        within: Callable[[np.ndarray], np.ndarray] | None = None,
     ):  # fmt: skip
         self.model, self.record, self.sd, self.unit = model, model.record, sd, unit
         self.low, self.high = bounds
+        self.within = within or partial(np.clip, min=self.low, max=self.high)
         self.reach = reach
         self.share, self.tries, self.near, self.lead_on = settled, tries, near, lead_on
         self.idle, self.idle_above = idle, idle_above
@@ -216,11 +236,11 @@ class _OutputError:
             low, high = np.maximum(low, theta - far), np.minimum(high, theta + far)
         while True:
             dt, dx, drop = arrow.step(damping, held)
-            new = theta + dt
-            out = np.isnan(held) & ((new < low) | (new > high))
+            end = self.within(np.clip(theta + dt, low, high))
+            out = np.isnan(held) & (np.abs(end - theta - dt) > 0.0)  # a step that is not finite stays so
             if not out.any():
                 return dt, dx, drop
-            held[out] = (np.clip(new, low, high) - theta)[out]
+            held[out] = (end - theta)[out]
 
     def share_of(self, dtheta: np.ndarray, dx: np.ndarray, theta: np.ndarray) -> float:
         """By what share of their size parameters and trajectory move."""
@@ -232,7 +252,7 @@ class _OutputError:
         self, lin: Linearised, theta: np.ndarray, dt: np.ndarray, dx: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """Parameters within their bounds, and the trajectory that the sensitivities predict, of initial states not too far off."""
-        new = np.clip(theta + dt, self.low, self.high)
+        new = self.within(theta + dt)
         x = lin.x + np.einsum("ikt,k->it", lin.Z_theta, new - theta)
         if self.free.any():
             far = np.max(np.abs(dx) / self.model.scale[self.free, None], axis=0)
@@ -273,7 +293,7 @@ class _OutputError:
 
     def opened(self, theta: np.ndarray, x: np.ndarray, most: int) -> _Opened:
         """Open steps until one moves next to nothing: closed steps do the rest."""
-        theta = np.clip(theta, self.low, self.high)
+        theta = self.within(theta)
         end = _Opened(theta, x)
         for _ in range(most):
             lin = linearise(self.model, end.theta, end.x, self.unit)
@@ -301,7 +321,7 @@ class _OutputError:
         best: float,
         fallback: np.ndarray | None,
     ) -> Fit | None:
-        first = np.clip(theta, self.low, self.high), x
+        first = self.within(theta), x
         end = self.opened(theta, x, open_steps)
         lin = end.lin if end.moved < self.near or end.run is not None else None
         theta = end.theta

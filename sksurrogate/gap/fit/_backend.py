@@ -10,6 +10,7 @@ from typing import ClassVar, Protocol, TypeVar
 import numpy as np
 
 from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.effects._smooth import SHARP
 from sksurrogate.gap.fit._closeness import NEARLY_WHITE
 from sksurrogate.gap.fit._known_parameters import KnownParameters
 from sksurrogate.kernels.disturbance import Disturbance, Noise
@@ -44,11 +45,20 @@ class Backend(ABC):
     #: disturbance
     caps: tuple[np.ndarray, np.ndarray] | None
     known: KnownParameters  #: What the user knows of the simulator's parameters
+    sharpness: float = SHARP  #: Sharpness of the kinks of a simulator that carries what was found: as it was fitted
 
     def bounds(self, effects: Sequence[BaseEffect]) -> tuple[np.ndarray, np.ndarray]:
         """Bounds of the parameters."""
         duration = self.record.dt * float(self.record.lengths.max())
         return self.known.bounds_of(self.plant.params, effects, self.free, duration)
+
+    def within(self, effects: Sequence[BaseEffect], theta: np.ndarray) -> np.ndarray:
+        """The nearest parameters within their bounds that a fit can leave again."""
+        theta, position = np.clip(theta, *self.bounds(effects)), 0
+        for effect in effects:
+            own = slice(position, position + len(effect.parameters))
+            theta[own], position = effect.identifiable(theta[own]), own.stop
+        return theta
 
     def prior(self, effects: Sequence[BaseEffect], theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Mean and standard deviation of the prior: on free parameters, and on what the user knows."""

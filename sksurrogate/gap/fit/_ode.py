@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.effects._model import AugmentedModel
+from sksurrogate.effects._smooth import SHARP
 from sksurrogate.effects._structure import largest_gains
 from sksurrogate.gap.fit._backend import Backend, BaseCandidate
 from sksurrogate.gap.fit._closeness import FAR_BY_COST, LARGEST_DISTURBANCE
@@ -53,6 +55,11 @@ class Numerics:
 
     n_sub: int  #: Substeps a sample
     sharpness: float = 50.0  #: Kinks are smoothed over a variable's size divided by it
+    rounded: bool = False  #: Whether this width is the plant's own, and fitted
+
+    def finer(self, n_sub: int, sharpness: float) -> Numerics:
+        """With so many substeps, and with sharper kinks where their width is not the plant's own."""
+        return replace(self, n_sub=n_sub, sharpness=self.sharpness if self.rounded else sharpness)
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,7 +168,7 @@ class OdeCandidate(BaseCandidate):
     def numerical_change(self) -> np.ndarray:
         """How far the parameters move when the steps are halved and kinks made sharper."""
         problem, numerics, theta = self.problem, self.problem.numerics, self.fit.theta
-        finer = problem.at(Numerics(2 * numerics.n_sub, 2 * numerics.sharpness))
+        finer = problem.at(numerics.finer(2 * numerics.n_sub, 2 * numerics.sharpness))
         fits = [
             at.fit(self.effects, theta, self.fit.x, open_steps=0, settled=True, max_steps=6) for at in (finer, problem)
         ]
@@ -214,6 +221,10 @@ class OdeBackend(Backend):
     run: np.ndarray | None = None
     known: KnownParameters = field(default_factory=KnownParameters)
     near: Neighbours = field(default_factory=dict)  #: States near each balance of a large plant
+
+    @property
+    def sharpness(self) -> float:  # type: ignore[override]
+        return self.numerics.sharpness if self.numerics.rounded else SHARP
 
     def augmented(self, effects: Sequence[BaseEffect]) -> AugmentedModel:
         """The plant with effects over the record."""
@@ -292,6 +303,7 @@ class OdeBackend(Backend):
                     self.sd,
                     unit=unit,
                     bounds=(low, high),
+                    within=partial(self.within, effects),
                     prior=prior,
                     centre=centre,
                     open_steps=0 if repeat else open_steps,

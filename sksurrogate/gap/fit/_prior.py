@@ -18,8 +18,10 @@ FAR_RETUNED = 6.0
 
 
 def prior_cost(candidate: OdeCandidate) -> float:
-    """Of the free parameters, of steps of quantisation and of the initial states."""
-    return retuning_cost(candidate) + step_cost(candidate) + start_cost(candidate)
+    """Of the free parameters, of steps of quantisation, of a width of kinks that is fitted, and of the initial states."""
+    problem = candidate.problem
+    width = float(np.log(problem.record.n_values)) if problem.numerics.rounded else 0.0
+    return retuning_cost(candidate) + step_cost(candidate) + width + start_cost(candidate)
 
 
 def retuning_cost(candidate: BaseCandidate) -> float:

@@ -127,7 +127,7 @@ class TrajectoryCandidate(BaseCandidate):
         flat = (columns[:, :, learnt] if learnt.any() else columns).reshape(len(columns), -1)
         precision, pull = self.step_prior
         step = solve(flat[1:] @ flat[1:].T + np.diag(precision), flat[1:] @ flat[0] + pull)
-        theta = np.clip(fit.theta + step, *problem.bounds(self.effects))
+        theta = problem.within(self.effects, fit.theta + step)
         if np.max(np.abs(theta - fit.theta) / np.maximum(np.abs(fit.theta), 1e-3)) < LINEAR:
             y = fit.y + np.einsum("k,okt->ot", theta - fit.theta, fit.J)
         else:
@@ -303,8 +303,7 @@ class TrajectoryBackend(Backend):
         self, effects: tuple[BaseEffect, ...], theta: np.ndarray, J: np.ndarray | None = None, steps: int = 10
     ) -> TrajectoryCandidate | None:
         """Levenberg-Marquardt with Broyden's update; ``J`` (n_theta, n_outputs, n_samples) as far as it is known, else nan."""
-        low, high = self.bounds(effects)
-        theta = np.clip(theta, low, high)
+        theta = self.within(effects, theta)
         y = self.outputs(effects, theta)
         if not np.all(np.isfinite(y)):
             return None
@@ -315,7 +314,7 @@ class TrajectoryBackend(Backend):
         damping, fresh, slow = 1e-3, True, 0
         cost = self.penalised(effects, theta, y)
         for _ in range(steps if len(theta) else 0):
-            trial = np.clip(theta + self.step(effects, theta, y, J, damping), low, high)
+            trial = self.within(effects, theta + self.step(effects, theta, y, J, damping))
             moved = trial - theta
             if np.max(np.abs(moved) / np.maximum(np.abs(theta), 1e-3), initial=0.0) < 1e-5:
                 break
