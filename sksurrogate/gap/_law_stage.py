@@ -104,4 +104,6 @@ class LawStage(DiagnosisState[C]):
         phi = named.fit.theta[named.n_parameters :]
         tuned = {name: value_of(plant.params[name], v) for name, v in zip(problem.free, phi)}
         some = None if self.acts_in is None else [list(self.acts_in)] * len(values)
-        return AugmentedSimulator(plant.simulator, list(named.effects), values, tuned or None, some, scale=scale)
+        return AugmentedSimulator(
+            plant.simulator, list(named.effects), values, tuned or None, some, scale=scale, sharpness=problem.sharpness
+        )

@@ -237,6 +237,7 @@ class DiagnosisPipeline(LawStage[C]):
             remainder=self.remainder(),
             data=faults_of(self.book, self.null.candidate, self.rows),
             scale=() if self.unnamed.scale is None else tuple(map(float, self.unnamed.scale)),
+            sharpness=final.candidate.problem.sharpness,
             mistakes=_notes.mistakes(list(self.search.lost)),
         )
 

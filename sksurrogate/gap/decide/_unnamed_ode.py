@@ -15,6 +15,7 @@ from sksurrogate.gap.decide._held_out import HeldOut
 from sksurrogate.gap.decide._law_certificate import CertifiedLaw, held_out_law
 from sksurrogate.gap.decide._posterior import Posterior, law_left_beside, stands
 from sksurrogate.gap.decide._retuning import imitated_by_retuning
+from sksurrogate.gap.decide._rounded_kinks import notes_on_kinks
 from sksurrogate.gap.decide._rules import GRID_SHARE, left_over
 from sksurrogate.gap.decide._separations import of_ode
 from sksurrogate.gap.decide._unnamed import BaseUnnamed
@@ -212,6 +213,7 @@ class OdeUnnamed(BaseUnnamed[OdeCandidate]):
         notes, rounding = lost_places(self.channels.lost), self.rounding(final)
         if verdict == "unknown" and rounding is not None:
             notes.append(GRID_NOTE.format(name=rounding.sensor, step=rounding.step))
+        notes += notes_on_kinks(final.candidate)
         notes += [*([self.other_unit] if self.other_unit and verdict != "none" else []), *self.pieces]
         some, whole = self.search.problem.record.n_samples, self.whole.n_samples
         return [*notes, PIECES_NOTE.format(some=some, whole=whole)] if whole > some else notes

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from sksurrogate.effects._catalogue import CATALOGUE
 from sksurrogate.effects._onset import WINDOW
+from sksurrogate.effects._smooth import SHARP
 from sksurrogate.gap.render._values import is_wrong_parameter, number
 from sksurrogate.gap.results._effect_estimate import EffectEstimate
 from sksurrogate.gap.results._report_data import ReportData
@@ -17,7 +18,7 @@ from {module} import {name} as simulator  # as it was diagnosed
 model = AugmentedSimulator(
     simulator,
     effects=[{effects}],
-    values=[{values}],{retuned}{runs}{scale}
+    values=[{values}],{retuned}{runs}{scale}{sharpness}
 )
 """
 _FROM_DIAGNOSER = """\
@@ -72,6 +73,9 @@ def _built(report: ReportData) -> str:
         scale=f"\n    scale=[{', '.join(number(size, 12) for size in report.scale)}],  # sizes of the states, for kinks"
         if report.scale
         else "",
+        sharpness=""
+        if report.sharpness == SHARP
+        else f"\n    sharpness={number(report.sharpness, 12)},  # these sizes over the width of the kinks, as fitted",
     )
 
 

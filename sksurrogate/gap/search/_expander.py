@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import islice
 from typing import Any, TypeAlias
@@ -72,7 +72,7 @@ class Expander(SetSearch[OdeCandidate]):
         """The problem with the numerics of a base, but no finer than the search needs."""
         numerics, least = base.problem.numerics, self.problem.numerics.n_sub
         n_sub = min(numerics.n_sub, max(SEARCH_SUBSTEPS, least))
-        return self.problem.at(Numerics(n_sub, min(numerics.sharpness, SEARCH_SHARPNESS)))
+        return self.problem.at(replace(numerics, n_sub=n_sub, sharpness=min(numerics.sharpness, SEARCH_SHARPNESS)))
 
     def as_searched(self, base: OdeCandidate) -> OdeCandidate:
         """A base with the numerics of the search."""

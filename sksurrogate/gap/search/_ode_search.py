@@ -11,7 +11,7 @@ import numpy as np
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.gap.fit._closeness import MOST_LEFT, SETTLED
 from sksurrogate.gap.fit._evidence import Evidence, follow_null
-from sksurrogate.gap.fit._ode import FIT_STEPS, REFIT_STEPS, Numerics, OdeBackend, OdeCandidate
+from sksurrogate.gap.fit._ode import FIT_STEPS, REFIT_STEPS, OdeBackend, OdeCandidate
 from sksurrogate.gap.fit._prior import prior_cost
 from sksurrogate.gap.fit._probe import probe_of
 from sksurrogate.gap.screen._screen import screen
@@ -19,6 +19,7 @@ from sksurrogate.gap.screen._shortlist import MOST_LISTED
 from sksurrogate.gap.search._base import EQUAL, Wanted
 from sksurrogate.gap.search._expander import SEARCH_SHARPNESS, SEARCH_SUBSTEPS, Expander
 from sksurrogate.gap.search._fit_from_starts import best_starts, cheapest, mean_start, numerics_matter, open_null
+from sksurrogate.gap.search._kink_width import rounded
 from sksurrogate.gap.search._onsets import look_for_onsets, twins_with_onset
 from sksurrogate.gap.search._restart import line_searched, restarted
 from sksurrogate.gap.search._set_search import COMES_BACK
@@ -133,11 +134,13 @@ class OdeSearch(Expander):
         return base
 
     def refined(self, candidate: OdeCandidate) -> OdeCandidate:
-        """Fitted to the end, with kinks sharper and steps shorter where that matters."""
+        """Fitted to the end, with kinks as wide as the plant's, and steps shorter and kinks sharper where that matters."""
         best = self.again(candidate.problem, candidate, FIT_STEPS) if not candidate.fit.converged else candidate
         best = best if self.is_far(best) else restarted(best)
+        best = rounded(best, self.threshold(1)) if best.fit.cost < self.most_left_cost else best
         for n_sub, sharpness in FINER:
-            finer = best.problem.at(Numerics(max(n_sub, 2 * best.problem.numerics.n_sub), sharpness))
+            own = best.problem.numerics
+            finer = best.problem.at(own.finer(max(n_sub, 2 * own.n_sub), sharpness))
             if not numerics_matter(finer, best):
                 break
             fitted = finer.fit(best.effects, best.fit.theta, best.fit.x, open_steps=0, settled=True)

@@ -1,0 +1,82 @@
+"""The width of a kink: friction that turns round, a valve that opens, an orifice near rest are no corners on a real plant.
+
+The width is one more parameter of a set. It is fitted by itself, since the others follow it in a few steps: wider and wider as long
+as that leads nearer to the data, then by parabolas.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from sksurrogate.gap.fit._ode import REFIT_STEPS, Numerics, OdeCandidate
+from sksurrogate.gap.search._base import CORRELATED
+
+#: Sharpness (size of a variable over the width of its kinks) of wider kinks, one after the other. Wider than a third of the size a
+#: friction is no longer told from a loss that is proportional to the speed.
+WIDER = (25.0, 12.5, 6.25, 3.125)
+#: Widths between these that are fitted, and the drop of the cost below which none follows.
+MOST_BETWEEN, HARDLY_NEARER = 5, 1.0
+
+
+def rounded(candidate: OdeCandidate, price: float) -> OdeCandidate:
+    """A set with the width of its kinks fitted, where that gains more than a ``price`` (twice the log likelihood); else as it is."""
+    if not candidate.effects or not may_be_rounded(candidate):
+        return candidate
+    own, tried = candidate.problem.numerics, {candidate.problem.numerics.sharpness: candidate}
+    for sharpness in (own.sharpness / 2.0**0.5, own.sharpness * 2.0**0.5) if own.rounded else WIDER:
+        nearest = min(tried.values(), key=_cost)
+        tried[sharpness] = with_width(candidate, nearest, sharpness) or candidate
+        if not own.rounded and tried[sharpness].fit.cost > nearest.fit.cost:
+            break
+    for _ in range(MOST_BETWEEN):
+        nearest = min(tried.values(), key=_cost)
+        sharpness = lowest({s: one.fit.cost for s, one in tried.items()})
+        between = (
+            with_width(candidate, nearest, sharpness) if nearest is not candidate and sharpness not in tried else None
+        )
+        if between is None:
+            break
+        tried[sharpness] = between
+        if between.fit.cost > nearest.fit.cost - HARDLY_NEARER:
+            break
+    best = min(tried.values(), key=_cost)
+    gain = candidate.problem.record.n_values / CORRELATED * float(np.log(candidate.fit.cost / best.fit.cost))
+    return best if gain > (0.0 if own.rounded else price) else candidate
+
+
+def lowest(costs: Mapping[float, float]) -> float:
+    """Where the parabola through the least of some costs and those beside it is lowest, over the logarithm; at an end the end itself.
+
+    >>> round(lowest({2.0: np.log(2.0 / 3.0) ** 2, 4.0: np.log(4.0 / 3.0) ** 2, 8.0: np.log(8.0 / 3.0) ** 2}), 9)
+    3.0
+    """
+    at = sorted(costs)
+    k = min(range(len(at)), key=lambda k: costs[at[k]])
+    if not 0 < k < len(at) - 1:
+        return at[k]
+    z, c = np.log(at[k - 1 : k + 2]), np.array([costs[one] for one in at[k - 1 : k + 2]])
+    before, after = (c[1] - c[0]) / (z[1] - z[0]), (c[2] - c[1]) / (z[2] - z[1])
+    bent = (after - before) / (z[2] - z[0])
+    return float(np.exp(0.5 * (z[0] + z[1]) - 0.5 * before / bent)) if bent > 0 else at[k]
+
+
+def _cost(candidate: OdeCandidate) -> float:
+    return candidate.fit.cost
+
+
+def may_be_rounded(candidate: OdeCandidate) -> bool:
+    """Whether no effect makes steps: their softness is one of numerics."""
+    return not any(effect.scan(tuple(candidate.theta_of(i))) for i, effect in enumerate(candidate.effects))
+
+
+def with_width(candidate: OdeCandidate, near: OdeCandidate, sharpness: float) -> OdeCandidate | None:
+    """A set fitted with another width of its kinks, from one ``near``, which itself comes back where the width moves nothing."""
+    at = candidate.problem.at(Numerics(candidate.problem.numerics.n_sub, sharpness, rounded=True))
+    theta, x = near.fit.theta, near.fit.x
+    with np.errstate(all="ignore"):
+        before, after = (one.augmented(near.effects).bind(theta[:, None])(x[:, None]) for one in (near.problem, at))
+    if np.array_equal(before, after, equal_nan=True):
+        return near
+    return at.fit(near.effects, theta, x, open_steps=0, max_steps=REFIT_STEPS, settled=True)
