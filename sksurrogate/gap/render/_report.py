@@ -65,6 +65,8 @@ class GapReport(ReportData):
         Faults of the record: kind, output or input, runs and rows, size, share of the gap, remedy. Empty if there are none.
     scale : tuple of float
         Sizes of the states, over which ``augmented_`` smooths kinks; empty if it does not.
+    sharpness : float
+        Size of a variable over the width of its kinks, as it was fitted; 500 where none is.
     mistakes : tuple of str
         Errors of the simulator's own code (a TypeError, a name that is not defined), for which effects could not be tried.
 
