@@ -57,7 +57,7 @@ class Backend(ABC):
         theta, position = np.clip(theta, *self.bounds(effects)), 0
         for effect in effects:
             own = slice(position, position + len(effect.parameters))
-            theta[own], position = effect.identifiable(theta[own]), own.stop
+            theta[own], position = effect.identifiable(tuple(theta[own])), own.stop
         return theta
 
     def prior(self, effects: Sequence[BaseEffect], theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

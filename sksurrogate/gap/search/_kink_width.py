@@ -21,29 +21,43 @@ MOST_BETWEEN, HARDLY_NEARER = 5, 1.0
 
 
 def rounded(candidate: OdeCandidate, price: float) -> OdeCandidate:
-    """A set with the width of its kinks fitted, where that gains more than a ``price`` (twice the log likelihood); else as it is."""
-    if not candidate.effects or not may_be_rounded(candidate):
+    """A set with the width of its kinks fitted, where that gains more than a ``price`` (twice the log likelihood); else as it is.
+
+    One whose width was fitted before is fitted further, at no price.
+    """
+    if not may_be_rounded(candidate):
         return candidate
-    own, tried = candidate.problem.numerics, {candidate.problem.numerics.sharpness: candidate}
-    for sharpness in (own.sharpness / 2.0**0.5, own.sharpness * 2.0**0.5) if own.rounded else WIDER:
-        nearest = min(tried.values(), key=_cost)
-        tried[sharpness] = with_width(candidate, nearest, sharpness) or candidate
-        if not own.rounded and tried[sharpness].fit.cost > nearest.fit.cost:
-            break
+    tried = _widths_around(candidate)
     for _ in range(MOST_BETWEEN):
-        nearest = min(tried.values(), key=_cost)
-        sharpness = lowest({s: one.fit.cost for s, one in tried.items()})
-        between = (
-            with_width(candidate, nearest, sharpness) if nearest is not candidate and sharpness not in tried else None
-        )
-        if between is None:
+        nearest, sharpness = _nearest(tried), lowest({s: one.fit.cost for s, one in tried.items()})
+        if nearest is candidate or sharpness in tried:
             break
-        tried[sharpness] = between
-        if between.fit.cost > nearest.fit.cost - HARDLY_NEARER:
+        tried[sharpness] = with_width(nearest, sharpness) or candidate
+        if tried[sharpness].fit.cost > nearest.fit.cost - HARDLY_NEARER:
             break
-    best = min(tried.values(), key=_cost)
+    best = _nearest(tried)
     gain = candidate.problem.record.n_values / CORRELATED * float(np.log(candidate.fit.cost / best.fit.cost))
-    return best if gain > (0.0 if own.rounded else price) else candidate
+    return best if gain > (0.0 if candidate.problem.numerics.rounded else price) else candidate
+
+
+def _widths_around(candidate: OdeCandidate) -> dict[float, OdeCandidate]:
+    """A set by its sharpness: as it is, and with wider kinks up to the first that leave more; on both sides of a width that was fitted."""
+    own = candidate.problem.numerics
+    tried = {own.sharpness: candidate}
+    if own.rounded:
+        beside = {s: with_width(candidate, s) for s in (own.sharpness / 2.0**0.5, own.sharpness * 2.0**0.5)}
+        return tried | {s: one for s, one in beside.items() if one is not None}
+    for sharpness in WIDER:
+        nearest = _nearest(tried)
+        tried[sharpness] = with_width(nearest, sharpness) or candidate
+        if tried[sharpness].fit.cost > nearest.fit.cost:
+            break
+    return tried
+
+
+def _nearest(tried: Mapping[float, OdeCandidate]) -> OdeCandidate:
+    """The one that leaves least."""
+    return min(tried.values(), key=lambda one: one.fit.cost)
 
 
 def lowest(costs: Mapping[float, float]) -> float:
@@ -62,21 +76,18 @@ def lowest(costs: Mapping[float, float]) -> float:
     return float(np.exp(0.5 * (z[0] + z[1]) - 0.5 * before / bent)) if bent > 0 else at[k]
 
 
-def _cost(candidate: OdeCandidate) -> float:
-    return candidate.fit.cost
-
-
 def may_be_rounded(candidate: OdeCandidate) -> bool:
-    """Whether no effect makes steps: their softness is one of numerics."""
-    return not any(effect.scan(tuple(candidate.theta_of(i))) for i, effect in enumerate(candidate.effects))
+    """Whether there are effects, and none makes steps: their softness is one of numerics."""
+    steps = (effect.scan(tuple(candidate.theta_of(i))) for i, effect in enumerate(candidate.effects))
+    return bool(candidate.effects) and not any(steps)
 
 
-def with_width(candidate: OdeCandidate, near: OdeCandidate, sharpness: float) -> OdeCandidate | None:
-    """A set fitted with another width of its kinks, from one ``near``, which itself comes back where the width moves nothing."""
+def with_width(candidate: OdeCandidate, sharpness: float) -> OdeCandidate | None:
+    """A set fitted with another width of its kinks; the set itself where the width moves nothing."""
     at = candidate.problem.at(Numerics(candidate.problem.numerics.n_sub, sharpness, rounded=True))
-    theta, x = near.fit.theta, near.fit.x
+    effects, theta, x = candidate.effects, candidate.fit.theta, candidate.fit.x
     with np.errstate(all="ignore"):
-        before, after = (one.augmented(near.effects).bind(theta[:, None])(x[:, None]) for one in (near.problem, at))
+        before, after = (one.bind(theta[:, None])(x[:, None]) for one in (candidate.model, at.augmented(effects)))
     if np.array_equal(before, after, equal_nan=True):
-        return near
-    return at.fit(near.effects, theta, x, open_steps=0, max_steps=REFIT_STEPS, settled=True)
+        return candidate
+    return at.fit(effects, theta, x, open_steps=0, max_steps=REFIT_STEPS, settled=True)
