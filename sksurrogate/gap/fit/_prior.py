@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from sksurrogate.gap.fit._backend import BaseCandidate
+from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.gap.fit._backend import Backend, BaseCandidate
 from sksurrogate.gap.fit._known_parameters import PRIOR
 from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.fit._rounding import distinct_steps
@@ -48,13 +49,14 @@ def moved_far(candidate: BaseCandidate) -> bool:
 
 
 def step_cost(candidate: BaseCandidate) -> float:
-    """Of a step of quantisation how many can be distinguished down to it, beyond what ``k ln N`` counts."""
-    problem, counted = candidate.problem, np.log(candidate.problem.record.n_values)
-    apart = [
-        distinct_steps(problem.plant, problem.record, effect, candidate.theta_of(i))
-        for i, effect in enumerate(candidate.effects)
-    ]
-    return float(sum(max(0.0, 2.0 * np.log(count) - counted) for count in apart))
+    """Of the steps of quantisation of its effects."""
+    return sum(price_of_step(candidate.problem, e, candidate.theta_of(i)) for i, e in enumerate(candidate.effects))
+
+
+def price_of_step(problem: Backend, effect: BaseEffect, theta: np.ndarray) -> float:
+    """Of a step of quantisation: how many can be distinguished down to it, beyond what ``k ln N`` counts; 0 of other effects."""
+    count = distinct_steps(problem.plant, problem.record, effect, theta)
+    return max(0.0, 2.0 * float(np.log(count)) - float(np.log(problem.record.n_values)))
 
 
 def start_cost(candidate: OdeCandidate) -> float:

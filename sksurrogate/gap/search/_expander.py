@@ -19,6 +19,7 @@ from sksurrogate.effects._effect import BaseEffect, HiddenEffect
 from sksurrogate.exceptions import SurrogateError
 from sksurrogate.gap.fit._closeness import AT_THE_NOISE, OUT_OF_SIGHT
 from sksurrogate.gap.fit._ode import Numerics, OdeBackend, OdeCandidate
+from sksurrogate.gap.fit._prior import price_of_step
 from sksurrogate.gap.screen._pairs import beside, best_pairs
 from sksurrogate.gap.screen._screen import Screen, Start, screen
 from sksurrogate.gap.search._base import Wanted
@@ -82,7 +83,7 @@ class Expander(SetSearch[OdeCandidate]):
 
     def expand(self, base: OdeCandidate, wanted: Wanted) -> list[OdeCandidate]:
         base, found = self.base_and_screen(base, wanted.among, wanted.thorough)
-        starts = [one for one in found.starts if one.promises > 0.0 and (one.evident or one.promises >= wanted.least)]
+        starts = [one for one in found.starts if one.promises > 0.0 and (one.evident or self.earns(one, wanted.least))]
         chosen = best_starts(starts, wanted.by_white, wanted.by_forced, self.n_values)
         self.report(f"fitting {len(chosen)} candidates")
         wanted_keys, tried = [c[0].effect.key for c in chosen], self.tried.setdefault(found, {})
@@ -93,6 +94,11 @@ class Expander(SetSearch[OdeCandidate]):
         candidates = [*again.values(), *new]
         self.remember(candidates)
         return candidates + self.siblings(candidates, base) if wanted.siblings and candidates else candidates
+
+    def earns(self, start: Start, least: float) -> bool:
+        """Whether the screen expects so much of a start, and of a step of quantisation its price in addition."""
+        own = start.promises >= least
+        return own and start.promises >= least + price_of_step(self.problem, start.effect, start.theta)
 
     def base_and_screen(
         self, base: OdeCandidate, among: Sequence[BaseEffect] | None = None, thorough: bool = True

@@ -12,6 +12,8 @@ from sksurrogate.gap.search._set_moves import SetMoves
 #: Sets with a relative of an effect that are searched once more; such a set takes the place of another with less than this
 #: share of its cost.
 MOST_REFORMED, REFORMED = 2, 0.5
+#: Sets with fewer parameters that are asked whether they lead to the noise.
+MOST_LEANER = 2
 
 
 def simplify(search: SetMoves[C], candidate: C, far: bool = False) -> C:
@@ -48,6 +50,22 @@ def fewest_parameters(search: SetMoves[C], best: C) -> C:
     ]
     least = min([best, *others], key=lambda candidate: (candidate.n_parameters, candidate.fit.cost))
     return search.polish(least) if least.n_parameters < best.n_parameters else best
+
+
+def leaner(search: SetMoves[C], best: C) -> list[C]:
+    """Sets of as many effects with fewer parameters that close the gap up to the tolerance too, the fewest first.
+
+    A flexible form follows a part of what another effect does, and leaves less than the right forms do until that one is beside them.
+    """
+    others = [
+        candidate
+        for keys, candidate in search.fitted.items()
+        if len(keys) == len(best.effects)
+        and candidate.n_parameters < best.n_parameters
+        and candidate.fit.cost < search.tolerated_cost
+        and search.plausible(candidate)
+    ]
+    return sorted(others, key=lambda candidate: (candidate.n_parameters, candidate.fit.cost))[:MOST_LEANER]
 
 
 def reformed(search: SetMoves[C], candidate: C) -> C | None:

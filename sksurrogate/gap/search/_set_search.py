@@ -16,7 +16,7 @@ from sksurrogate.gap.fit._closeness import AT_THE_NOISE, FAR, FAR_BY_COST, NEARL
 from sksurrogate.gap.fit._evidence import CERTAIN, C, Evidence, arrived, estimate_noise, follow_null
 from sksurrogate.gap.fit._prior import moved_far
 from sksurrogate.gap.search._base import CORRELATED, Wanted
-from sksurrogate.gap.search._related_forms import fewest_parameters, reformed, simplify
+from sksurrogate.gap.search._related_forms import fewest_parameters, leaner, reformed, simplify
 from sksurrogate.gap.search._set_moves import SetMoves
 from sksurrogate.gap.search._stopping import closes_by_size, grows_in_vain
 
@@ -74,7 +74,8 @@ class SetSearch(SetMoves[C]):
             if far and closes_by_size(self.judged[best], self.tolerated_cost):
                 # Of one name a second may show that it was the wrong one.
                 fewest, n = fewest_parameters(self, best), MOST_EFFECTS - len(best.effects)
-                leading = next((one for one in dict.fromkeys((fewest, best)) if self.leads_on(one, n)), None)
+                sets = dict.fromkeys((fewest, best, *leaner(self, best)))
+                leading = next((one for one in sets if self.leads_on(one, n)), None)
                 best = self.stand(leading or fewest)
                 if leading is None:
                     break
