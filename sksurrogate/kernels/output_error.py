@@ -236,8 +236,9 @@ class _OutputError:
             low, high = np.maximum(low, theta - far), np.minimum(high, theta + far)
         while True:
             dt, dx, drop = arrow.step(damping, held)
-            end = self.within(np.clip(theta + dt, low, high))
-            out = np.isnan(held) & (np.abs(end - theta - dt) > 0.0)  # a step that is not finite stays so
+            new = theta + dt
+            end = self.within(np.clip(new, low, high))
+            out = np.isnan(held) & (end != new) & np.isfinite(new)
             if not out.any():
                 return dt, dx, drop
             held[out] = (end - theta)[out]

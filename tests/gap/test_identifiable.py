@@ -6,6 +6,7 @@ import pytest
 from sksurrogate.effects import CATALOGUE, AugmentedSimulator, starting
 from sksurrogate.effects._stribeck_curve import LEAST_RATIO, stribeck_curve
 from sksurrogate.gap.fit._build import build_problem
+from sksurrogate.kernels.arrow import Arrow
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics import ODESimulator
 from sksurrogate.physics._model import PlantModel
@@ -66,3 +67,17 @@ def test_every_parameter_moves_something_at_the_nearest_values(effect):
         (level, static, velocity * 1.1),
     ):
         assert np.max(np.abs(stribeck_curve(np.linspace(0.0, 1.0, 50), *changed) - curve)) > 1e-5
+
+
+def test_a_step_within_the_bounds_holds_no_parameter(problem, monkeypatch):
+    """A sum of two numbers, less one of them, is not the other one to the last digit."""
+    backend, smoothed = problem
+    held, step = [], Arrow.step
+
+    def watched(self, damping, hold):
+        held.append(bool(np.isfinite(hold).any()))
+        return step(self, damping, hold)
+
+    monkeypatch.setattr(Arrow, "step", watched)
+    backend.fit((STRIBECK,), np.array(TRUTH) * 1.05, smoothed.x)
+    assert held and not any(held)
