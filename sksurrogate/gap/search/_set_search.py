@@ -27,6 +27,8 @@ SMALLEST_SHARE = 1e-3
 SCREENED = 0.4
 #: Sets of effects that are kept beside the best one, far from the data.
 RUNNERS = 3
+#: Another set comes as near as the nearest where it leaves less than so many times as much: with fewer parameters it may be likelier.
+AS_NEAR = 2.0
 #: A set of effects that was left is taken up again where it comes back with less than this share of its cost.
 COMES_BACK = 0.9
 #: Errors with a cosine above this are those of one law.
@@ -135,7 +137,7 @@ class SetSearch(SetMoves[C]):
     def larger_sets(self, best: C, passed: bool) -> list[C]:
         """The set with one effect more, where that is not near the noise with two, and other sets of its size with as many more.
 
-        Others are extended where the screen expects them to come nearer than the nearest. None where none can pass.
+        Others are extended where the screen expects them to come as near as the nearest. None where none can pass.
         """
         left = self.judged[best].left
         hopeless = SCREENED * self.needed_gain(1) if passed and left < AT_THE_NOISE else 0.0
@@ -149,13 +151,13 @@ class SetSearch(SetMoves[C]):
         if settled or (nearest is not None and nearest.left < AT_THE_NOISE):
             return trial
         nearest_cost = min((candidate.fit.cost for candidate in trial), default=best.fit.cost)
-        two = passed and len(best.effects) <= MOST_EFFECTS - 2
-        others = [one for one in self.beam(best) if self.left_beside(one, 1 + two) < nearest_cost]
+        most, two = AS_NEAR * nearest_cost, passed and len(best.effects) <= MOST_EFFECTS - 2
+        others = [one for one in self.beam(best) if self.left_beside(one, 1 + two) < most]
         if two:
             for base in (best, *others):
                 trial += self.ranked(self.pairs(base, nearest_cost), base)
         for base in others:
-            if self.left_beside(base, 1) < nearest_cost:
+            if self.left_beside(base, 1) < most:
                 trial += self.ranked(self.expand(base, Wanted(6, 3)), base)
         return trial
 
