@@ -124,21 +124,28 @@ def test_three_names_that_leave_a_law_are_withdrawn_and_of_two_one_law_may_take_
     assert asked == [null if base == "null" else final for base in bases]
 
 
-@pytest.mark.parametrize(("leads", "grown"), [("rich", "rich"), ("simple", "simple"), (None, None)])
+@pytest.mark.parametrize(
+    ("leads", "grown"), [("rich", "rich"), ("simple", "simple"), ("lean", "lean"), ("poor", None), (None, None)]
+)
 def test_a_set_grows_on_from_the_form_that_leads_to_the_noise(monkeypatch, leads, grown):
-    """A loss in place of a friction has fewer parameters, and does not show the lag that is missing beside the friction."""
+    """A loss in place of a friction has fewer parameters, and does not show the lag that is missing beside the friction.
+
+    A set with fewer parameters leads on too, as long as it closes the gap up to the tolerance.
+    """
 
     class Named:
-        effects, fit = (1, 2), SimpleNamespace(cost=9.0)
+        effects = (1, 2)
 
-        def __init__(self, name):
-            self.name, self.keys = name, (name,)
+        def __init__(self, name, n_parameters, cost=9.0):
+            self.name, self.keys, self.n_parameters, self.fit = name, (name,), n_parameters, SimpleNamespace(cost=cost)
 
-    rich, simple = Named("rich"), Named("simple")
+    rich, simple, lean, poor = Named("rich", 5), Named("simple", 3), Named("lean", 2, 9.5), Named("poor", 2, 12.0)
     stood, asked = [], []
     search = SimpleNamespace(
         is_far=lambda one: True,
         judged={rich: SimpleNamespace(left=20.0, fit=rich.fit)},
+        fitted={frozenset((one.name, "other")): one for one in (rich, simple, lean, poor)},
+        plausible=lambda one: True,
         tolerated_cost=10.0,
         leads_on=lambda one, n: one.name == leads,
         may_be_named=lambda one: True,

@@ -97,8 +97,9 @@ class Expander(SetSearch[OdeCandidate]):
 
     def earns(self, start: Start, least: float) -> bool:
         """Whether the screen expects so much of a start, and of a step of quantisation its price in addition."""
-        own = start.promises >= least
-        return own and start.promises >= least + price_of_step(self.problem, start.effect, start.theta)
+        steps = start.promises >= least and bool(start.effect.scan(tuple(start.theta)))
+        price = price_of_step(self.problem, start.effect, start.theta) if steps else 0.0
+        return start.promises >= least + price
 
     def base_and_screen(
         self, base: OdeCandidate, among: Sequence[BaseEffect] | None = None, thorough: bool = True
