@@ -18,7 +18,7 @@ from sksurrogate.effects._leaving import graph_of, sampled_of, small_signal_of, 
 from sksurrogate.effects._model import AugmentedModel, BoundModel
 from sksurrogate.effects._pointwise import acting_params, entering_at, term_at
 from sksurrogate.effects._small_signal import SampledPoint
-from sksurrogate.effects._smooth import SHARP
+from sksurrogate.effects._smooth import KINK_SHARPNESS
 from sksurrogate.effects._trajectory import even_times, plain_runs, retuned_simulator, trajectory_runs
 from sksurrogate.exceptions import SimulatorError
 from sksurrogate.export._describe import SUBSTEPS
@@ -105,7 +105,7 @@ class AugmentedSimulator(BaseSimulator):
         runs: Sequence[Sequence[Any] | None] | None = None,
         *,
         scale: Any = None,
-        sharpness: float = SHARP,
+        sharpness: float = KINK_SHARPNESS,
     ):
         self.simulator = simulator
         self.effects = effects

@@ -11,7 +11,7 @@ TINY = 1e-12
 #: Exponents up to which a power is bent straight: nearer to 1 it is as straight as makes no difference.
 MOST_BENT = 0.99
 #: Size of a variable over the width of its kinks, where no width was fitted.
-SHARP = 500.0
+KINK_SHARPNESS = 500.0
 #: What takes less than this share of a sample is not seen.
 WITHIN_SAMPLE = 0.2
 

@@ -20,7 +20,7 @@ from sksurrogate.effects._law import InputLawEffect, LawEffect, MemoryLawEffect,
 from sksurrogate.effects._onset import Starting, starting
 from sksurrogate.effects._parts import Parameter
 from sksurrogate.effects._simulator import AugmentedSimulator
-from sksurrogate.effects._smooth import SHARP
+from sksurrogate.effects._smooth import KINK_SHARPNESS
 from sksurrogate.effects._trajectory import retuned_simulator
 from sksurrogate.exceptions import DataError
 from sksurrogate.physics._simulator import describe
@@ -208,7 +208,7 @@ def load_augmented(simulator: Any, path: Any, effects: Any = ()) -> AugmentedSim
             if text.get("scale") is None
             else np.array([_positive(size, "scale") for size in listed(text["scale"])])
         )
-        sharpness = _positive(text.get("sharpness", SHARP), "sharpness")
+        sharpness = _positive(text.get("sharpness", KINK_SHARPNESS), "sharpness")
     except DataError:
         raise
     except (ValueError, OverflowError, KeyError, TypeError, AttributeError, RecursionError) as error:

@@ -71,8 +71,9 @@ def whole_step(
     u = np.mean(mean, axis=0)
     varied = bound.params_at(t, x, u)
     if bound.moves_within or (has_ports and has_own_steps(a.plant)):
-        inputs = inputs_held(bound, mean)
-        h = a.record.dt / len(inputs)
+        parts = own_steps(bound)
+        inputs = by_own_steps(mean, parts) if bound.moves_within else [u] * parts
+        h = a.record.dt / parts
         for part, one in enumerate(inputs):
             x = _own_step(bound, t + part * h, x, one, h, varied, has_rates)
         return x
@@ -92,7 +93,7 @@ def own_run(bound: Effects, x0: np.ndarray, mean: np.ndarray, has_ports: bool) -
     ``mean`` (n_sub, n_inputs, 1, n_samples).
     """
     a, record = bound.a, bound.a.record
-    u = inputs_held(bound, mean) if bound.moves_within else np.mean(mean, axis=0, keepdims=True)
+    u = by_own_steps(mean, own_steps(bound)) if bound.moves_within else np.mean(mean, axis=0, keepdims=True)
     varied = {name: float(np.ravel(value)[0]) for name, value in bound.params_at(record.t, x0, u[0]).items()}
     hidden = np.full((a.n_states - a.n_nominal, record.n_samples), np.nan)
 
@@ -105,12 +106,9 @@ def own_run(bound: Effects, x0: np.ndarray, mean: np.ndarray, has_ports: bool) -
     return run if run is None or not len(hidden) else np.concatenate([run, hidden])
 
 
-def inputs_held(bound: Effects, mean: np.ndarray) -> np.ndarray:
-    """Inputs in each of the simulator's own steps, (n_steps, n_inputs, n_columns | 1, n_samples), from means over the substeps."""
-    parts = max(1, round(bound.a.record.dt / bound.held))
-    if not bound.moves_within:
-        return np.broadcast_to(np.mean(mean, axis=0), (parts, *mean.shape[1:]))
-    return by_own_steps(mean, parts)
+def own_steps(bound: Effects) -> int:
+    """Steps of the simulator's own in a sample."""
+    return max(1, round(bound.a.record.dt / bound.held))
 
 
 class _Laws:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sksurrogate.effects import CATALOGUE, AugmentedSimulator, load_augmented, save_augmented
-from sksurrogate.effects._smooth import SHARP
+from sksurrogate.effects._smooth import KINK_SHARPNESS
 from sksurrogate.gap import GapDiagnoser
 from sksurrogate.gap.fit._build import build_problem
 from sksurrogate.gap.render._code import code_of
@@ -83,7 +83,7 @@ def test_it_is_carried_saved_and_said(tmp_path):
     found.fit(np.concatenate(U), np.concatenate(Y), groups=groups)
     report, carried = found.report_, found.augmented_
     assert [effect.name for effect in report.effects] == ["coulomb_friction"]
-    assert carried.sharpness == report.sharpness < SHARP
+    assert carried.sharpness == report.sharpness < KINK_SHARPNESS
     assert any("is round" in note for note in report.notes)
     assert f"sharpness={report.sharpness:.3g}"[:13] in code_of(report)
     rms = np.sqrt(np.mean([(np.reshape(carried.simulate(u), (N, 1)) - y) ** 2 for u, y in zip(U, Y)]))

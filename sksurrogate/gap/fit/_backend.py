@@ -10,7 +10,7 @@ from typing import ClassVar, Protocol, TypeVar
 import numpy as np
 
 from sksurrogate.effects._effect import BaseEffect
-from sksurrogate.effects._smooth import SHARP
+from sksurrogate.effects._smooth import KINK_SHARPNESS
 from sksurrogate.gap.fit._closeness import NEARLY_WHITE
 from sksurrogate.gap.fit._known_parameters import KnownParameters
 from sksurrogate.kernels.disturbance import Disturbance, Noise
@@ -45,7 +45,9 @@ class Backend(ABC):
     #: disturbance
     caps: tuple[np.ndarray, np.ndarray] | None
     known: KnownParameters  #: What the user knows of the simulator's parameters
-    sharpness: float = SHARP  #: Sharpness of the kinks of a simulator that carries what was found: as it was fitted
+    sharpness: float = (
+        KINK_SHARPNESS  #: Sharpness of the kinks of a simulator that carries what was found: as it was fitted
+    )
 
     def bounds(self, effects: Sequence[BaseEffect]) -> tuple[np.ndarray, np.ndarray]:
         """Bounds of the parameters."""

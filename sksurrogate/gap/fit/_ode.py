@@ -11,7 +11,7 @@ import numpy as np
 
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.effects._model import AugmentedModel
-from sksurrogate.effects._smooth import SHARP
+from sksurrogate.effects._smooth import KINK_SHARPNESS
 from sksurrogate.effects._structure import largest_gains
 from sksurrogate.gap.fit._backend import Backend, BaseCandidate
 from sksurrogate.gap.fit._closeness import FAR_BY_COST, LARGEST_DISTURBANCE
@@ -224,7 +224,7 @@ class OdeBackend(Backend):
 
     @property
     def sharpness(self) -> float:  # type: ignore[override]
-        return self.numerics.sharpness if self.numerics.rounded else SHARP
+        return self.numerics.sharpness if self.numerics.rounded else KINK_SHARPNESS
 
     def augmented(self, effects: Sequence[BaseEffect]) -> AugmentedModel:
         """The plant with effects over the record."""

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from sksurrogate.effects._catalogue import CATALOGUE
 from sksurrogate.effects._onset import WINDOW
-from sksurrogate.effects._smooth import SHARP
+from sksurrogate.effects._smooth import KINK_SHARPNESS
 from sksurrogate.gap.render._values import is_wrong_parameter, number
 from sksurrogate.gap.results._effect_estimate import EffectEstimate
 from sksurrogate.gap.results._report_data import ReportData
@@ -74,7 +74,7 @@ def _built(report: ReportData) -> str:
         if report.scale
         else "",
         sharpness=""
-        if report.sharpness == SHARP
+        if report.sharpness == KINK_SHARPNESS
         else f"\n    sharpness={number(report.sharpness, 12)},  # these sizes over the width of the kinks, as fitted",
     )
 

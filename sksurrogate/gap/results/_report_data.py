@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from sksurrogate.effects._smooth import SHARP
+from sksurrogate.effects._smooth import KINK_SHARPNESS
 from sksurrogate.gap.results._data_faults import NO_FAULTS, DataFaults
 from sksurrogate.gap.results._effect_estimate import EffectEstimate
 from sksurrogate.gap.results._law import Law
@@ -50,7 +50,7 @@ class ReportData:
     provenance: Provenance = UNKNOWN_PROVENANCE
     data: DataFaults = NO_FAULTS
     scale: tuple[float, ...] = ()
-    sharpness: float = SHARP
+    sharpness: float = KINK_SHARPNESS
     mistakes: tuple[str, ...] = ()
 
     @property

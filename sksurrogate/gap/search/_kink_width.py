@@ -73,7 +73,7 @@ def lowest(costs: Mapping[float, float]) -> float:
     z, c = np.log(at[k - 1 : k + 2]), np.array([costs[one] for one in at[k - 1 : k + 2]])
     before, after = (c[1] - c[0]) / (z[1] - z[0]), (c[2] - c[1]) / (z[2] - z[1])
     bent = (after - before) / (z[2] - z[0])
-    return float(np.exp(0.5 * (z[0] + z[1]) - 0.5 * before / bent)) if bent > 0 else at[k]
+    return float(np.exp(0.5 * (z[0] + z[1] - before / bent))) if bent > 0 else at[k]
 
 
 def may_be_rounded(candidate: OdeCandidate) -> bool:
