@@ -162,12 +162,25 @@ class _Fit:
         return small_and_large(LAW_SIZES, self.tolerance)
 
     def best(self, noises: Sequence[Noise], seeds: Sequence[tuple[int, int, Noise]]) -> _Found:
-        """The likeliest law, from all of these noises, and among those that were likeliest beside other sets."""
-        picks = set(self.likeliest(noises))
-        found = [self.refined(k, f, noise) for k, f in sorted(picks) for noise in noises]
-        for k, f, noise in seeds:
-            found += [self.refined(k, form, noise) for form in self.relatives(k, f)]
-        return max(found, key=_of_any_size)
+        """The likeliest law: of those that are likeliest under each noise, and of those that were likeliest beside other sets.
+
+        The noise is fitted beside the first of each noise, then beside the likeliest other under the noise of the best, as long as it leads.
+        """
+        picks = self.likeliest(noises)
+        best = max((self.refined(k, f, noise) for (k, f), noise in zip(picks, noises)), key=_of_any_size)
+        others = {*picks, *((k, form) for k, f, _ in seeds for form in self.relatives(k, f))} - {(best.k, best.f)}
+        while others:
+            rival = max((self.under(k, f, best.noise) for k, f in sorted(others)), key=_of_any_size)
+            others.remove((rival.k, rival.f))
+            rival = self.refined(rival.k, rival.f, best.noise)
+            if _of_any_size(rival) <= _of_any_size(best):
+                break
+            best = rival
+        return best
+
+    def under(self, k: int, f: int, noise: Noise) -> _Found:
+        """Form f of law k under a noise."""
+        return self.found(k, f, self.candidates[k].moved()[:, self.candidates[k].signal.forms[f].functions], noise)
 
     def is_the_effect_again(self, one: _Found, whole: Sequence[BaseEffect]) -> bool:
         """Whether a law larger than the tolerance moves the outputs as the effect of this place and signal does in whose place it stands.
