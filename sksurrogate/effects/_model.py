@@ -328,9 +328,9 @@ class BoundModel:
                 dx[row] = rate
         return dx
 
-    def acting(self, t: int) -> np.ndarray:
-        """Inputs that act in substep t (n_inputs, n_columns | 1, n_samples)."""
-        return self._mean[t]
+    def acting(self, t: int | None) -> np.ndarray:
+        """Inputs that act in substep t, or in the mean over the sample (n_inputs, n_columns | 1, n_samples)."""
+        return np.asarray(np.mean(self._mean, axis=0) if t is None else self._mean[t])
 
     def clip(self, x: np.ndarray, t: Any, final: bool = False) -> np.ndarray:
         """Limits on states at a time: of what a step has brought beyond a limit, the share of the step that the limit is in force."""

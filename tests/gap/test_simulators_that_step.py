@@ -89,6 +89,19 @@ def test_one_step_tells_what_all_values_of_a_parameter_that_moves_change(
     assert np.all(size > 0) and np.all(np.abs(found - alone).max(axis=(0, 2)) < 0.15 * size)
 
 
+@pytest.mark.parametrize(
+    "effect, values",
+    [("input_gain", [[0.1]]), ("input_dead_zone", [[0.2]]), ("input_saturation", [[0.4, 0.6]]), ("input_delay", [[0.013]])],
+)
+def test_a_unit_of_an_input_tells_what_all_its_changes_change(responses, null, effect, values):
+    effect, starts = CATALOGUE[effect]("torque"), np.array(values)
+    model, theta = null.problem.augmented((effect,)), responses.theta_with(starts)
+    whole = model.bind(theta)(np.repeat(responses.smoothed.x[:, None], starts.shape[1], axis=1)) - responses.after
+    changed = responses.entered(effect, model, theta)
+    assert np.linalg.norm(whole) > 0
+    assert np.linalg.norm(changed - whole) < 0.03 * np.linalg.norm(whole)
+
+
 @pytest.mark.parametrize("steps_itself", [True, False])
 def test_retuning_alone_has_no_more_steps_than_its_folds_where_slopes_are_dear(monkeypatch, null, steps_itself):
     most, fit = [], _ode.output_error

@@ -13,7 +13,8 @@ from sksurrogate.gap.fit._evidence import Evidence, estimate_noise
 from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.results._next_experiment import NATS_THAT_SETTLE
 from sksurrogate.gap.search._ode_search import OdeSearch
-from sksurrogate.gap.unnamed._law_evidence import LawBeside, law_beside
+from sksurrogate.gap.unnamed._law_evidence import LawBeside, law_beside, place_and_signal
+from sksurrogate.gap.unnamed._law_places import forms_of_places
 from sksurrogate.kernels.disturbance import Noise
 
 #: Prior probability that what is missing, or a part of it beyond the tolerance, has no name.
@@ -49,12 +50,14 @@ def contenders(search: OdeSearch, final: Evidence, law: LawBeside) -> tuple[Cont
     """What stands beside its law, and the sets with another effect in the place of one, beside theirs.
 
     They are judged in the order of the most that they could reach: to be as likely as what stands, at the price of a law that
-    corrects the form in one direction.
+    corrects the form in one direction, and of its choice among those of its place and signal.
     """
     own, level = contender(search, final.candidate, law), search.evidence(final.candidate)
+    forms = forms_of_places(final.candidate)
 
     def reach(candidate: OdeCandidate) -> float:
-        corrected = -0.5 * np.log1p(max(candidate.fit.cost - final.fit.cost, 0.0))
+        chosen = sum(forms[place] for place in set(map(place_and_signal, candidate.effects))) or sum(forms.values())
+        corrected = -0.5 * np.log1p(max(candidate.fit.cost - final.fit.cost, 0.0)) - np.log(chosen)
         return max(search.evidence(candidate) - level, corrected) + _before(search, candidate) - own.before
 
     swapped = [one for one in _near(search, final) if _is_swap(one.keys, final.candidate.keys)]
@@ -117,11 +120,13 @@ def judged_contender(
     """A set beside its own law; none where that cannot be judged.
 
     One that is far from the data is linear about the path of what stands, if that is near: about the measured path a free
-    force makes up for what it leaves.
+    force makes up for what it leaves. Where what stands is at the noise, its noise is that of the plant, and laws beside others are compared
+    under it.
     """
     known = search.judged.get(candidate) or search.judge(estimate_noise(candidate, search.fitted_null.noise))
     along = _is_far(search, known) and not _is_far(search, final)
-    law = judged_law(search, final if along else known, candidate, along, seeds)
+    noises = noises_of(final) if final.left <= AT_THE_NOISE else None
+    law = judged_law(search, final if along else known, candidate, along, seeds, noises=noises)
     return [] if law is None else [contender(search, candidate, law)]
 
 
@@ -142,6 +147,12 @@ def _before(search: OdeSearch, candidate: OdeCandidate) -> float:
     return float(names - 0.5 * candidate.n_parameters * np.log(search.n_values))
 
 
+def noises_of(final: Evidence) -> Sequence[Noise]:
+    """Noises under which laws beside a set are compared: its own, and where it leaves more, which may hold what a law explains, quiet forces."""
+    noise = final.noise
+    return (noise,) if final.left <= AT_THE_NOISE else (noise, final.candidate.problem.quiet(noise))
+
+
 def judged_law(
     search: OdeSearch,
     final: Evidence,
@@ -149,15 +160,15 @@ def judged_law(
     along: bool,
     seeds: Sequence[tuple[int, int, Noise]] = (),
     instead: OdeCandidate | None = None,
+    noises: Sequence[Noise] | None = None,
 ) -> LawBeside | None:
-    """A law beside a candidate, under the noise of what is named; of two linear models the likelier.
+    """A law beside a candidate, under the noise of what is named by default; of two linear models the likelier.
 
-    Where what is named leaves more than the noise, also under quiet forces: its own may hold what a law explains. Far from the data,
-    also beside the gap, the models are linear about the measured path, not about the free run.
+    Far from the data, also beside the gap, the models are linear about the measured path, not about the free run.
     """
     problem, far = candidate.problem, _is_far(search, final)
     x = (search.x if far else final.candidate.fit.x)[: len(problem.plant.states)]
-    noises = (final.noise,) if final.left <= AT_THE_NOISE else (final.noise, problem.quiet(final.noise))
+    noises = noises_of(final) if noises is None else noises
     path = x if along or far else None
     found = [law_along(search, candidate, noises, path, seeds=seeds, instead=instead)]
     if candidate.effects and final.left > AT_THE_NOISE and candidate.model.n_states == candidate.model.n_nominal:

@@ -133,8 +133,20 @@ class Responses:
         """What an effect that is no force changes in the next states (n_states, n_starts, n_samples): a step of the plant a start."""
         if isinstance(effect, ParameterEffect):
             return self.rewritten(effect, model, starts, theta)
+        if isinstance(effect, InputEffect) and model.may_jump:
+            return self.entered(effect, model, theta)
         now = np.repeat(self.smoothed.x[:, None], starts.shape[1], axis=1)
         return np.asarray(model.bind(theta)(now) - self.after)
+
+    def entered(self, effect: InputEffect, model: AugmentedModel, theta: np.ndarray) -> np.ndarray:
+        """What another input changes in the next states (n_states, n_starts, n_samples): its mean over the sample, times what a unit of it changes.
+
+        A step of a simulator that steps for every start costs more.
+        """
+        name = str(effect.location)
+        place = self.problem.plant.inputs.index(name)
+        more = model.bind(theta).acting(None)[place] - self.bound.acting(None)[place]
+        return self.unit_push(name)[:, None] * more
 
     def rewritten(
         self, effect: ParameterEffect, model: AugmentedModel, starts: np.ndarray, theta: np.ndarray

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
@@ -83,6 +84,11 @@ def in_all_places(base: OdeCandidate) -> Iterator[PlacedSignal]:
     for o, name in enumerate(plant.outputs):
         for law in [*of_readings, *staircases(readings[o], name)]:
             yield PlacedSignal(name, "output", law, partial(reading, len(plant.outputs), o, law.functions))
+
+
+def forms_of_places(base: OdeCandidate) -> Counter[tuple[str, str]]:
+    """How many forms of laws there are of every signal at every place."""
+    return Counter({one.place: len(one.signal.forms) for one in in_all_places(base)})
 
 
 def reading(n_outputs: int, o: int, f: np.ndarray) -> np.ndarray:
