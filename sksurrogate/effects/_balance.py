@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from sksurrogate.effects._effect import BalanceEffect, Parameter, Probe
+from sksurrogate.effects._exchange import others
 from sksurrogate.effects._smooth import WITHIN_SAMPLE, positive, power, sign, stable_power
 from sksurrogate.effects._stribeck_curve import LEAST_RATIO, larger_at_rest, stribeck_curve
 from sksurrogate.physics._simulator import Plant
@@ -18,11 +19,6 @@ from sksurrogate.physics._simulator import Plant
 STOPPING, STOPPED_WITHIN_SAMPLE = 2.0 ** np.arange(1, 7), 0.04
 #: A stop that pushes in this share of the samples is none.
 ALWAYS = 0.95
-
-
-def _others(names: Sequence[str], location: str) -> tuple[str, ...]:
-    """Names without that of the location."""
-    return tuple(name for name in names if name != location)
 
 
 class ConstantBias(BalanceEffect):
@@ -272,9 +268,9 @@ class PowerLaw(BalanceEffect):
     @classmethod
     def variables(cls, plant: Plant, location: str) -> Sequence[str | None]:
         """Any state; the location's state times another (a reaction that uses it up) or an input (an opening)."""
-        others = _others(plant.states, location)
-        used = tuple(f"{location}*{w}" for w in others + plant.inputs)
-        return (*plant.states, *used, *(f"{w}*{location}" for w in others))
+        apart = others(plant.states, location)
+        used = tuple(f"{location}*{w}" for w in apart + plant.inputs)
+        return (*plant.states, *used, *(f"{w}*{location}" for w in apart))
 
     def plausible(self, theta: Sequence[float], probe: Probe) -> bool:
         """No jump at zero: that is a dry friction, which has a width on a real plant."""
@@ -290,49 +286,6 @@ class PowerLaw(BalanceEffect):
             return []
         forms = {m: self.term(0.0, probe.x, v, (1.0, m), 0.0) for m in (0.5, 1.5, 2.5)}
         return [(probe.unit(form), m) for m, form in forms.items()]
-
-
-class Exchange(BalanceEffect):
-    """Heat or mass exchanged with a neighbour: ``+ c (v - x)``."""
-
-    name = "exchange"
-    drivers = ("state", "input")
-    at_port = ()
-    parameters = (Parameter("coefficient", unit="1 over time"),)
-    equation = "+ c (v - x)"
-    signature = "the state is drawn towards its neighbour"
-    twins = ("linear_loss", "radiation", "hidden_relaxation", "parameter_error")
-
-    def term(self, t: Any, x: np.ndarray, v: Any, theta: Sequence[Any], width: float) -> Any:
-        """``c (v - x)``."""
-        return theta[0] * (v - x)
-
-    @classmethod
-    def variables(cls, plant: Plant, location: str) -> Sequence[str | None]:
-        """The other states, and the inputs."""
-        return _others(plant.states, location) + plant.inputs
-
-
-class Radiation(BalanceEffect):
-    """Heat radiated by a neighbour: ``+ c (v^4 - x^4)``."""
-
-    name = "radiation"
-    rarity = 10.0
-    at_port = ()
-    parameters = (Parameter("coefficient", low=0.0, unit="1 over time and x^3"),)
-    equation = "+ c (v^4 - x^4)"
-    signature = "an exchange that matters only when hot"
-    twins = ("exchange", "linear_loss", "power_law")
-
-    def term(self, t: Any, x: np.ndarray, v: Any, theta: Sequence[Any], width: float) -> Any:
-        """``c (v^4 - x^4)``."""
-        v2, x2 = v * v, x * x
-        return theta[0] * (v2 * v2 - x2 * x2)
-
-    @classmethod
-    def variables(cls, plant: Plant, location: str) -> Sequence[str | None]:
-        """The other states, and the inputs."""
-        return _others(plant.states, location) + plant.inputs
 
 
 class Bilinear(BalanceEffect):

@@ -12,6 +12,7 @@ import numpy as np
 from sksurrogate._close_names import did_you_mean
 from sksurrogate.effects import _balance as balance
 from sksurrogate.effects import _disturbance as disturbance
+from sksurrogate.effects import _exchange as exchange
 from sksurrogate.effects import _hidden as hidden
 from sksurrogate.effects import _input as actuator
 from sksurrogate.effects import _limit as limit
@@ -39,8 +40,8 @@ _ORDER: tuple[type[BaseEffect], ...] = (
     balance.CubicStiffness,
     balance.SqrtLeak,
     balance.PowerLaw,
-    balance.Exchange,
-    balance.Radiation,
+    exchange.Exchange,
+    exchange.Radiation,
     balance.Bilinear,
     balance.GravityTilt,
     balance.EndStop,

@@ -91,7 +91,12 @@ def test_one_step_tells_what_all_values_of_a_parameter_that_moves_change(
 
 @pytest.mark.parametrize(
     "effect, values",
-    [("input_gain", [[0.1]]), ("input_dead_zone", [[0.2]]), ("input_saturation", [[0.4, 0.6]]), ("input_delay", [[0.013]])],
+    [
+        ("input_gain", [[0.1]]),
+        ("input_dead_zone", [[0.2]]),
+        ("input_saturation", [[0.4, 0.6]]),
+        ("input_delay", [[0.013]]),
+    ],
 )
 def test_a_unit_of_an_input_tells_what_all_its_changes_change(responses, null, effect, values):
     effect, starts = CATALOGUE[effect]("torque"), np.array(values)
