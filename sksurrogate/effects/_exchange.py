@@ -40,10 +40,10 @@ class Exchange(BalanceEffect):
     signature = "the state is drawn towards its neighbour"
     twins = ("linear_loss", "radiation", "hidden_relaxation", "parameter_error")
 
-    def plausible(self, theta: Sequence[float], probe: Probe) -> bool:
-        """The neighbour counts."""
+    def starts(self, probe: Probe) -> list[tuple[float, ...]]:
+        """None where the neighbour does not count."""
         assert probe.v is not None
-        return neighbour_counts(probe.x, probe.v)
+        return super().starts(probe) if neighbour_counts(probe.x, probe.v) else []
 
     def term(self, t: Any, x: np.ndarray, v: Any, theta: Sequence[Any], width: float) -> Any:
         """``c (v - x)``."""
@@ -66,10 +66,10 @@ class Radiation(BalanceEffect):
     signature = "an exchange that matters only when hot"
     twins = ("exchange", "linear_loss", "power_law")
 
-    def plausible(self, theta: Sequence[float], probe: Probe) -> bool:
-        """The neighbour counts."""
+    def starts(self, probe: Probe) -> list[tuple[float, ...]]:
+        """None where the neighbour does not count."""
         assert probe.v is not None
-        return neighbour_counts(probe.x**4, probe.v**4)
+        return super().starts(probe) if neighbour_counts(probe.x**4, probe.v**4) else []
 
     def term(self, t: Any, x: np.ndarray, v: Any, theta: Sequence[Any], width: float) -> Any:
         """``c (v^4 - x^4)``."""
