@@ -260,6 +260,10 @@ class PowerLaw(BalanceEffect):
             return -coefficient * power(v[0], exponent, 0.0) * v[1]
         return -coefficient * power(v, exponent, width)
 
+    def gain(self, theta: Any, size: float) -> Any:
+        """``size^m``."""
+        return size ** theta[1]
+
     def smoothed(self, theta: Sequence[Any], width: float, h: float) -> Any:
         """Where the slope of ``|v|^m``, m < 1, is too steep for steps ``h``; 0 where it is against another variable."""
         coefficient, exponent = theta

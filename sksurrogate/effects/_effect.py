@@ -105,6 +105,10 @@ class BaseEffect(PriorOdds, BaseEstimator):
         """The nearest values at which every parameter moves what the effect does: a fit beyond them has no slope to return by."""
         return tuple(theta)
 
+    def gain(self, theta: Any, size: float) -> Any:
+        """What a unit of the first parameter does where the signal has its size; the others decide of it."""
+        return 1.0
+
     def lower_bounds(self, duration: float) -> tuple[float, ...]:
         """Lower bounds in a record whose longest run has this duration: slower things than it shows are left to others."""
         return tuple(p.low for p in self.parameters)

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from sksurrogate.effects import CATALOGUE
 from sksurrogate.gap import GapDiagnoser
 from sksurrogate.physics import ODESimulator
 

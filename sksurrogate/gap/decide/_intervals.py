@@ -8,6 +8,8 @@ import numpy as np
 
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.effects._onset import Starting
+from sksurrogate.gap.fit._backend import BaseCandidate
+from sksurrogate.gap.fit._coordinates import coordinates_of
 from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.fit._normal_equations import seen_inverse
 from sksurrogate.gap.results._effect_estimate import BAND
@@ -39,15 +41,28 @@ def covariance(found: Evidence) -> np.ndarray:
 def intervals(found: Evidence) -> tuple[np.ndarray, np.ndarray]:
     """90 % intervals of all parameters: noise and disturbance, and what steps and kinks may have moved."""
     candidate, theta = found.candidate, found.fit.theta
-    spread = np.sqrt(np.maximum(np.diag(covariance(found)), 0.0))
+    known = covariance(found)
+    spread = np.sqrt(np.maximum(np.diag(known), 0.0))
     numerical = candidate.numerical_change()
     within_a_sample = np.zeros(len(theta))
     for i, effect in enumerate(candidate.effects):  # readings tell the sample in which a window begins or ends
         if isinstance(effect, Starting):
             within_a_sample[candidate.slice_of(i)][-len(effect.span) :] = candidate.problem.record.dt
     half = np.sqrt((BAND * spread) ** 2 + numerical**2 + (NUMERICS * theta) ** 2 + within_a_sample**2)
-    low, high = candidate.problem.bounds(candidate.effects)
-    return np.maximum(theta - half, low), np.minimum(theta + half, high)
+    low, high = theta - half, theta + half
+    for own in _known_by_their_gain(candidate, known):
+        share = np.exp(half[own] / abs(theta[own]))
+        low[own], high[own] = sorted((theta[own] / share, theta[own] * share))
+    least, most = candidate.problem.bounds(candidate.effects)
+    return np.maximum(low, least), np.minimum(high, most)
+
+
+def _known_by_their_gain(candidate: BaseCandidate, known: np.ndarray) -> list[int]:
+    """Coefficients that are not zero, in the coordinates of the fit; ``known``: covariance of the parameters."""
+    steps = coordinates_of(candidate.effects, candidate.slice_of, candidate.signals)
+    slopes, z = steps.slopes(candidate.fit.theta), steps.of(candidate.fit.theta)
+    spread = BAND * np.sqrt(np.maximum(np.diag(slopes @ known @ slopes.T), 0.0))
+    return [own.start for own, _, _ in steps.effects if abs(z[own.start]) > spread[own.start]]
 
 
 def is_sized(effects: Sequence[BaseEffect], low: np.ndarray, high: np.ndarray) -> bool:

@@ -15,6 +15,7 @@ from sksurrogate.effects._smooth import KINK_SHARPNESS
 from sksurrogate.effects._structure import largest_gains
 from sksurrogate.gap.fit._backend import Backend, BaseCandidate
 from sksurrogate.gap.fit._closeness import FAR_BY_COST, LARGEST_DISTURBANCE
+from sksurrogate.gap.fit._coordinates import InCoordinates, coordinates_of
 from sksurrogate.gap.fit._known_parameters import KnownParameters
 from sksurrogate.gap.fit._neighbours import Neighbours
 from sksurrogate.gap.fit._normal_equations import StartBasis, projected, start_bases
@@ -295,17 +296,18 @@ class OdeBackend(Backend):
             low, high = self.bounds(effects)
             fit: Fit | None = None
             centre, prior = self.prior(effects, theta)
+            steps = coordinates_of(effects, model.slice_of, self.signals_along(start))
             for repeat in range(3 if self.free else 1):
                 fit = output_error(
-                    model,
-                    theta,
+                    InCoordinates(model, steps),
+                    steps.of(theta),
                     start,
                     self.sd,
-                    unit=unit,
-                    bounds=(low, high),
-                    within=partial(self.within, effects),
-                    prior=prior,
-                    centre=centre,
+                    unit=steps.of(unit, theta),
+                    bounds=(steps.of(low, theta), steps.of(high, theta)),
+                    within=partial(steps.within, partial(self.within, effects)),
+                    prior=steps.of(prior, theta),
+                    centre=steps.of(centre, theta),
                     open_steps=0 if repeat else open_steps,
                     max_steps=max_steps,
                     best=best,
@@ -314,6 +316,7 @@ class OdeBackend(Backend):
                     idle=0.0 if settled else IDLE_NATS * 2 * REMEMBERED / self.record.n_values,
                     idle_above=FAR_BY_COST * self.record.n_values,
                 )
+                fit = steps.in_parameters(fit)
                 if fit is None:
                     return None
                 # Student's t as a reweighted Gaussian: few rounds settle it.
