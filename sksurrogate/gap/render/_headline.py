@@ -166,9 +166,11 @@ def _with_law(report: ReportData) -> str:
         return ""
     what = "free curve" if law.is_curve else "law"
     form = f" {str(law).removeprefix('curve ')}" if len(str(law)) <= LONGEST_LINE else " of missing_term.law"
-    closed, beside = report.shrink.fraction_law, " beside them" if len(report.effects) > 1 else ""
+    closed, several = report.shrink.fraction_law, len(report.effects) > 1
+    beside, instead = (" beside them", " in their place") if several else (" beside it", " in its place")
+    where = (beside if report.verdict == "partial" else instead) if report.effects else ""
     how_far = f" closes {percent(closed)} of the gap on held-out runs" if np.isfinite(closed) else " was found"
-    return f" The {what}{form} in {law.place}{' beside it' if len(report.effects) == 1 else beside}{how_far}."
+    return f" The {what}{form} in {law.place}{where}{how_far}."
 
 
 def _nearest_law(report: ReportData) -> str:
