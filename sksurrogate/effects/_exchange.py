@@ -30,7 +30,7 @@ def neighbour_counts(own: np.ndarray, neighbour: np.ndarray) -> bool:
 
 
 class Exchange(BalanceEffect):
-    """Heat or mass exchanged with a neighbour: ``+ c (v - x)``."""
+    """Heat or mass exchanged with a neighbour that counts: ``+ c (v - x)``."""
 
     name = "exchange"
     drivers = ("state", "input")
@@ -56,7 +56,7 @@ class Exchange(BalanceEffect):
 
 
 class Radiation(BalanceEffect):
-    """Heat radiated by a neighbour: ``+ c (v^4 - x^4)``."""
+    """Heat radiated by a neighbour that counts: ``+ c (v^4 - x^4)``."""
 
     name = "radiation"
     rarity = 10.0
