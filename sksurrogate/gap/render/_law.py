@@ -30,6 +30,11 @@ def _kept(law: Law, report: ReportData) -> str:
     return f"{kept}. Fitted for {ranges}." if ranges else f"{kept}."
 
 
+def _forms(law: Law) -> list[str]:
+    """Which of its terms have a name."""
+    return [f"{text} has the form of {name.replace('_', ' ')}" for text, name in law.forms.items()]
+
+
 def _numbers(law: Law) -> list[str]:
     """Coefficients with their standard errors."""
     lines = []
@@ -45,7 +50,7 @@ def law_html(report: ReportData) -> str:
     law = report.law
     if law is None:
         return ""
-    numbers = "" if law.is_curve else f'<p class="small">{escape("; ".join(_numbers(law)))}</p>'
+    numbers = "" if law.is_curve else f'<p class="small">{escape("; ".join([*_forms(law), *_numbers(law)]))}</p>'
     closed = f"closes {percent(law.share)} of the gap's power on held-out runs, " if np.isfinite(law.share) else ""
     return (
         f'<div class="card"><strong>{escape(_title(law))}</strong>'
@@ -74,4 +79,4 @@ def law_lines(report: ReportData) -> list[str]:
     if law is None:
         return []
     lines = [f"{_title(law)}: {law}", _kept(law, report)]
-    return lines + ([] if law.is_curve else _numbers(law))
+    return lines + ([] if law.is_curve else [*_forms(law), *_numbers(law)])

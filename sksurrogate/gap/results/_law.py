@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from sksurrogate.effects._forms import form_of
+from sksurrogate.effects._formula import equation_of
 from sksurrogate.exceptions import require
 
 
@@ -69,6 +71,15 @@ class Law:
     def is_constant(self) -> bool:
         """Whether no signal drives it."""
         return not self.is_curve and not any(term.factors for term in self.effect.terms)
+
+    @property
+    def forms(self) -> dict[str, str]:
+        """Terms of a law in a balance that have the form of an effect of the catalogue, as they are written, and its name."""
+        if self.is_curve or self.kind != "state":
+            return {}
+        filled = self.effect.filled([self.params[p.name] for p in self.effect.parameters])
+        named = ((equation_of([term], [float(c)]), form_of(term, float(c))) for c, term in filled)
+        return {text: name for text, name in named if name is not None}
 
     @property
     def latex(self) -> str:
