@@ -26,6 +26,10 @@ class Coordinates:
     #: Where the parameters of an effect stand, the effect, the size of its signal; effects whose coordinates are their parameters are left out
     effects: tuple[tuple[slice, BaseEffect, float], ...]
 
+    def model(self, model: AugmentedModel) -> AugmentedModel:
+        """A model as one of the coordinates."""
+        return InCoordinates(model, self) if self.effects else model
+
     def of(self, theta: np.ndarray, at: np.ndarray | None = None) -> np.ndarray:
         """Coordinates of parameters, or of what belongs to them, as their bounds and units, about other parameters."""
         out, at = theta.copy(), theta if at is None else at

@@ -15,7 +15,7 @@ from sksurrogate.effects._smooth import KINK_SHARPNESS
 from sksurrogate.effects._structure import largest_gains
 from sksurrogate.gap.fit._backend import Backend, BaseCandidate
 from sksurrogate.gap.fit._closeness import FAR_BY_COST, LARGEST_DISTURBANCE
-from sksurrogate.gap.fit._coordinates import InCoordinates, coordinates_of
+from sksurrogate.gap.fit._coordinates import coordinates_of
 from sksurrogate.gap.fit._known_parameters import KnownParameters
 from sksurrogate.gap.fit._neighbours import Neighbours
 from sksurrogate.gap.fit._normal_equations import StartBasis, projected, start_bases
@@ -299,7 +299,7 @@ class OdeBackend(Backend):
             steps = coordinates_of(effects, model.slice_of, self.signals_along(start))
             for repeat in range(3 if self.free else 1):
                 fit = output_error(
-                    InCoordinates(model, steps),
+                    steps.model(model),
                     steps.of(theta),
                     start,
                     self.sd,
