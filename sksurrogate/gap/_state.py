@@ -96,8 +96,10 @@ class DiagnosisState(Generic[C]):
         self.found.shrink = measure(self.found.held, self.floor(), self.problem.plant.outputs, self.unnamed.seed)
 
     def floor(self) -> np.ndarray:
-        """Sensor noise of what stands, and what noise on inputs moves the outputs by."""
-        return np.hypot(self.unnamed.sensor_noise(self.final), self.problem.record.input_noise)
+        """Sensor noise of what stands, with its law where there is one, and what noise on inputs moves the outputs by."""
+        beside = self.found.beside
+        stands: Evidence = self.final if beside is None else beside.law.found
+        return np.hypot(self.unnamed.sensor_noise(stands), self.problem.record.input_noise)
 
     def share_the_gap(self) -> None:
         """What of the gap each effect closes, how probable it is, and the intervals of all parameters."""

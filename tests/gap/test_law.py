@@ -65,6 +65,14 @@ def test_the_law_closes_the_gap_on_runs_left_out_and_is_a_part_of_the_budget(mon
     assert "augmented_ carries it" in report.sentence and str(report.missing_term.law) in report.sentence
 
 
+@pytest.mark.parametrize("noise", [0.003, 0.03])
+def test_the_noise_floor_is_that_of_the_simulator_with_the_law(noise):
+    """Of the simulator alone forces take a part of it, or it takes a part of the gap."""
+    simulator, U, Y, groups = runs_of(lambda h: h / (0.6 + h), noise=noise)
+    diagnoser = GapDiagnoser(simulator, effects=["sensor_delay"], random_state=0, n_jobs=1).fit(U, Y, groups=groups)
+    assert diagnoser.report_.shrink.floor == pytest.approx(noise / np.std(Y), rel=0.05)
+
+
 def test_the_augmented_simulator_follows_the_plant_beyond_the_range(monod):
     plant = level(0.8, lambda h: h / (0.6 + h))
     U = np.full((120, 1), 6.0)  # 1.5 times the largest recorded flow
