@@ -7,7 +7,7 @@ from dataclasses import replace
 from sksurrogate.effects._simulator import AugmentedSimulator
 from sksurrogate.gap._state import DiagnosisState
 from sksurrogate.gap.decide._held_out import HeldOut
-from sksurrogate.gap.decide._law_certificate import CertifiedLaw, law_of
+from sksurrogate.gap.decide._law_certificate import CertifiedLaw, law_of, share_of_law
 from sksurrogate.gap.decide._rules import first_rule
 from sksurrogate.gap.fit._closeness import NEARLY_WHITE
 from sksurrogate.gap.fit._evidence import C, Evidence
@@ -47,6 +47,8 @@ class LawStage(DiagnosisState[C]):
             self.measure()
             law = law_of(beside, self.problem.plant, found.shrink)
             found.law = replace(law, certified=law.certified and not self.did_not_stand(law))
+            self.measure()  # above the noise of the simulator with the law
+            found.law = replace(found.law, share=share_of_law(found.shrink))
 
     def did_not_stand(self, law: Law) -> bool:
         """Whether a law is an effect of the catalogue that was asked and is not named: a constant."""

@@ -96,9 +96,11 @@ class DiagnosisState(Generic[C]):
         self.found.shrink = measure(self.found.held, self.floor(), self.problem.plant.outputs, self.unnamed.seed)
 
     def floor(self) -> np.ndarray:
-        """Sensor noise of what stands, with its law where there is one, and what noise on inputs moves the outputs by."""
-        beside = self.found.beside
-        stands: Evidence = self.final if beside is None else beside.law.found
+        """Sensor noise of what stands, with its law where one is certified, and what noise on inputs moves the outputs by."""
+        law, beside = self.found.law, self.found.beside
+        stands: Evidence = self.final
+        if law is not None and law.certified and beside is not None:
+            stands = beside.law.found
         return np.hypot(self.unnamed.sensor_noise(stands), self.problem.record.input_noise)
 
     def share_the_gap(self) -> None:

@@ -55,6 +55,12 @@ def certified_law(shrink: Shrink) -> bool:
     return bool(shrink.fraction_law > named + CERTIFICATE * (1.0 - named))
 
 
+def share_of_law(shrink: Shrink) -> float:
+    """Share of the gap's power that a law closes beside what is named; nan where that is not known."""
+    closed = shrink.fraction_power_law - (shrink.fraction_power if np.isfinite(shrink.fraction_power) else 0.0)
+    return float(np.clip(closed, 0.0, 1.0)) if np.isfinite(closed) else float("nan")
+
+
 def law_of(beside: CertifiedLaw, plant: Plant, shrink: Shrink) -> Law:
     """The law as a result, with what it closes on runs left out."""
     fitted, final = beside.law, beside.fitted
@@ -67,7 +73,6 @@ def law_of(beside: CertifiedLaw, plant: Plant, shrink: Shrink) -> Law:
     names = [p.name for p in effect.parameters]
     signals = dict(zip(plant.outputs, candidate.fit.y)) if fitted.kind == "output" else candidate.signals
     drivers = sorted({n for term in effect.terms for f in term.factors for n in signal_names(f[1])} & set(signals))
-    closed = shrink.fraction_power_law - (shrink.fraction_power if np.isfinite(shrink.fraction_power) else 0.0)
     return Law(
         fitted.location,
         fitted.kind,
@@ -76,7 +81,7 @@ def law_of(beside: CertifiedLaw, plant: Plant, shrink: Shrink) -> Law:
         dict(zip(names, map(float, theta))),
         dict(zip(names, (float(s) if np.isfinite(s) else float("nan") for s in spread))),
         units_of(effect, fitted.kind, plant),
-        float(np.clip(closed, 0.0, 1.0)) if np.isfinite(closed) else float("nan"),
+        share_of_law(shrink),
         {name: (float(np.min(signals[name])), float(np.max(signals[name]))) for name in drivers},
         fitted.curve,
         certified_law(shrink),
