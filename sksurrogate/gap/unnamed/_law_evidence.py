@@ -164,7 +164,8 @@ class _Fit:
     def best(self, noises: Sequence[Noise], seeds: Sequence[tuple[int, int, Noise]]) -> _Found:
         """The likeliest law: of those that are likeliest under each noise, and of those that were likeliest beside other sets.
 
-        The noise is fitted beside the first of each noise, then beside the likeliest other under the noise of the best, as long as it leads.
+        The noise is fitted beside the likeliest law under each noise; then beside the likeliest other under the noise of the best, as long as
+        another leads.
         """
         picks = self.likeliest(noises)
         best = max((self.refined(k, f, noise) for (k, f), noise in zip(picks, noises)), key=_of_any_size)
