@@ -50,10 +50,13 @@ def test_the_error_of_the_integration_is_that_of_its_steps():
 def test_an_interval_holds_noise_and_integration_at_right_angles(numerical, monkeypatch):
     candidate = SimpleNamespace(
         effects=(),
+        slice_of=None,
+        signals={},
+        fit=SimpleNamespace(theta=np.array([2.0])),
         numerical_change=lambda: np.array([numerical]),
         problem=SimpleNamespace(bounds=lambda effects: (np.array([-9.0]), np.array([9.0]))),
     )
-    found = SimpleNamespace(candidate=candidate, fit=SimpleNamespace(theta=np.array([2.0])))
+    found = SimpleNamespace(candidate=candidate, fit=candidate.fit)
     monkeypatch.setattr(_intervals, "covariance", lambda found: np.array([[0.04]]))
     low, high = _intervals.intervals(found)
     half = np.sqrt((1.6449 * 0.2) ** 2 + numerical**2 + 1e-3**2)

@@ -79,8 +79,8 @@ def coordinates_of(
 
 
 def _size(signal: np.ndarray) -> float:
-    """Root mean square of a signal; 1 where there is none."""
-    size = float(np.sqrt(np.mean(signal**2)))
+    """Largest value of a signal, where a power shows most; 1 where there is none."""
+    size = float(np.max(np.abs(signal)))
     return size if np.isfinite(size) and size > 0 else 1.0
 
 

@@ -11,13 +11,11 @@ from sksurrogate._parallel._parallel_map import side_by_side
 from sksurrogate._parallel._worker_process import WorkerProcess
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.gap.fit._probe import probe_of
-from sksurrogate.gap.screen._responses import Responses
+from sksurrogate.gap.screen._responses import LARGEST_CHANGE, Responses
 from sksurrogate.gap.screen._shortlist import Shortlist
 from sksurrogate.gap.screen._slopes import Slopes
 from sksurrogate.gap.screen._unseen_starts import Unseen
 
-#: A change of the outputs beyond so many times their noise is not a start: it breaks the arithmetic, and the order.
-LARGEST_CHANGE = 1e12
 #: Numbers of the states at all samples that are integrated at once: two megabytes, and a few temporary arrays of this size.
 AT_ONCE = 250_000
 

@@ -34,6 +34,9 @@ from sksurrogate.kernels.smoother import output_jacobian
 
 #: Relative error of a parameter by which the change of a unit is measured.
 UNIT_ERROR = 0.05
+#: A change of the outputs beyond so many times their noise, or of a state beyond so many times its size, is not a start: it breaks the
+#: arithmetic, and the order.
+LARGEST_CHANGE = 1e12
 
 
 class Responses:
@@ -134,7 +137,9 @@ class Responses:
         if isinstance(effect, ParameterEffect):
             return self.rewritten(effect, model, starts, theta)
         if isinstance(effect, InputEffect) and model.may_jump:
-            return self.entered(effect, model, theta)
+            change = self.entered(effect, model, theta)
+            if np.all(np.abs(change) < LARGEST_CHANGE * model.scale[:, None, None]):
+                return change  # else a unit of the input is beyond what the simulator takes
         now = np.repeat(self.smoothed.x[:, None], starts.shape[1], axis=1)
         return np.asarray(model.bind(theta)(now) - self.after)
 

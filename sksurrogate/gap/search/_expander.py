@@ -17,7 +17,7 @@ from sksurrogate._parallel._parallel_map import side_by_side
 from sksurrogate._printed import silent_in_worker
 from sksurrogate.effects._effect import BaseEffect, HiddenEffect
 from sksurrogate.exceptions import SurrogateError
-from sksurrogate.gap.fit._closeness import AT_THE_NOISE, OUT_OF_SIGHT
+from sksurrogate.gap.fit._closeness import AT_THE_NOISE, FAR_BY_COST, OUT_OF_SIGHT
 from sksurrogate.gap.fit._ode import Numerics, OdeBackend, OdeCandidate
 from sksurrogate.gap.fit._prior import price_of_step
 from sksurrogate.gap.screen._pairs import beside, best_pairs
@@ -247,7 +247,7 @@ class Expander(SetSearch[OdeCandidate]):
     ) -> list[OdeCandidate]:
         """Fit candidates, best first; side by side where ``n_jobs`` or joblib's own setting asks for it.
 
-        The cost of the first is what the others must come near to.
+        The cost of the first is what the others must come near to; where that is the noise, only those are fitted that may come near.
         """
         if effective_n_jobs(self.n_jobs) == 1:
             best = min(base.fit.cost, best)
@@ -255,7 +255,10 @@ class Expander(SetSearch[OdeCandidate]):
             tries = iter(self.fit_apart(base, [[one] for starts in chosen[:n] for one in starts], best))
             first = [cheapest(list(islice(tries, len(starts)))) for starts in chosen[:n]]
             best = min([best, *(candidate.fit.cost for candidate in first if candidate is not None)])
-            found = [*first, *self.fit_apart(base, chosen[n:], best)]
+            others = (
+                chosen[n:] if best > AT_THE_NOISE**2 * self.n_values else [c for c in chosen[n:] if self.is_near(c)]
+            )
+            found = [*first, *self.fit_apart(base, others, best)]
             return [candidate for candidate in found if candidate is not None]
         n = max(1, len(chosen) // 8)
         chunks = [chosen[i : i + n] for i in range(0, len(chosen), n)]
@@ -264,6 +267,10 @@ class Expander(SetSearch[OdeCandidate]):
         messages = [one for part in parts for one in part]
         added_one = [self.from_message(base, [starts[0].effect], one) for starts, one in zip(chosen, messages)]
         return [candidate for candidate in added_one if candidate is not None]
+
+    def is_near(self, starts: Sequence[Start]) -> bool:
+        """Whether a candidate may come near the data: the screen expects it, or the measurements show it."""
+        return any(start.evident or start.left < FAR_BY_COST * self.n_values for start in starts)
 
     def fit_apart(self, base: OdeCandidate, chosen: Sequence[list[Start]], best: float) -> list[OdeCandidate | None]:
         """Fits that know nothing of each other, in two processes."""
