@@ -9,7 +9,7 @@ from sksurrogate.effects import CATALOGUE
 from sksurrogate.gap.fit._ode import Numerics
 from sksurrogate.gap.search._ode_search import OdeSearch
 
-PROBLEM = SimpleNamespace(record=SimpleNamespace(y=np.zeros((1, 10))), numerics=Numerics(1))
+PROBLEM = SimpleNamespace(record=SimpleNamespace(y=np.zeros((1, 10)), n_values=0), numerics=Numerics(1))
 BASE = SimpleNamespace(effects=(), keys=(), fit=SimpleNamespace(cost=1000.0), problem=PROBLEM)
 
 
@@ -60,3 +60,21 @@ def test_every_effect_has_the_cheapest_of_its_starts_and_the_first_is_what_other
     assert [(r.effects[0], r.fit.cost) for r in found] == [(e, 10.0 * k + 1.0) for k, e in enumerate(effects)]
     apart = 3 * (n if n <= 2 else 1)
     assert asked == [(1, 1000.0)] * apart + [(3, 1.0)] * (n - apart // 3)
+
+
+def test_beside_one_at_the_noise_those_far_from_the_data_are_not_fitted(monkeypatch):
+    """Of ten values a cost of 1 is at the noise; what the screen expects to leave 50 or more is far, but for what readings show."""
+    asked = []
+
+    def fit_apart(self, base, chosen, best):
+        asked.extend(starts[0].effect for starts in chosen)
+        return [candidate(starts[0].effect, 1.0) for starts in chosen]
+
+    monkeypatch.setattr(OdeSearch, "fit_apart", fit_apart)
+    first, near, far, shown = effects = [lag(name) for name in ("first", "near", "far", "shown")]
+    expected = {first: (5.0, False), near: (49.0, False), far: (51.0, False), shown: (900.0, True)}
+    chosen = [[SimpleNamespace(effect=e, left=expected[e][0], evident=expected[e][1])] for e in effects]
+    record = SimpleNamespace(y=np.zeros((1, 10)), n_values=10)
+    search = OdeSearch(SimpleNamespace(record=record, numerics=Numerics(1)), effects, np.zeros((2, 10)))
+    search.fit_all(BASE, chosen)
+    assert asked == [first, near, shown]
