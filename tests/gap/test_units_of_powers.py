@@ -32,9 +32,9 @@ def found(size, exponent):
 def test_the_unit_of_the_signal_changes_nothing(exponent):
     one, other = found(1.0, exponent), found(1e5, exponent)
     assert one.params["exponent"] == pytest.approx(exponent, rel=0.005)
-    assert other.params["exponent"] == pytest.approx(one.params["exponent"], rel=1e-6)
+    assert other.params["exponent"] == pytest.approx(one.params["exponent"], rel=1e-4)
     in_its_unit = other.params["coefficient"] * 1e5 ** (other.params["exponent"] - 1.0)
-    assert in_its_unit == pytest.approx(one.params["coefficient"], rel=1e-4)
+    assert in_its_unit == pytest.approx(one.params["coefficient"], rel=1e-3)
     low, high = other.intervals["coefficient"]
     assert (
         0 < low < other.params["coefficient"] < high

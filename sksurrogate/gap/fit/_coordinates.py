@@ -17,6 +17,8 @@ from sksurrogate.kernels.output_error import Fit
 
 #: Step of the differences of a gain, in its parameters.
 GAIN_DIFFERENCE = 1e-6
+#: Where the size of a signal is within this factor of one, steps in the parameters stay in the valley too.
+FAR_FROM_ONE = 10.0
 
 
 @dataclass(frozen=True)
@@ -75,7 +77,8 @@ def coordinates_of(
     """Coordinates of a set of effects along a path of the signals; ``slice_of``: where the parameters of each stand."""
     some = [(i, one) for i, one in enumerate(effects) if type(one).gain is not BaseEffect.gain]
     drivers = [(one.variable or str(one.location)).split("*")[0] for _, one in some]
-    return Coordinates(tuple((slice_of(i), one, _size(signals[v])) for (i, one), v in zip(some, drivers)))
+    sized = [(slice_of(i), one, _size(signals[v])) for (i, one), v in zip(some, drivers)]
+    return Coordinates(tuple(one for one in sized if abs(np.log(one[2])) > np.log(FAR_FROM_ONE)))
 
 
 def _size(signal: np.ndarray) -> float:
