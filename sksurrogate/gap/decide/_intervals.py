@@ -59,10 +59,13 @@ def intervals(found: Evidence) -> tuple[np.ndarray, np.ndarray]:
 
 def _known_by_their_gain(candidate: BaseCandidate, known: np.ndarray) -> list[int]:
     """Coefficients that are not zero, in the coordinates of the fit; ``known``: covariance of the parameters."""
-    steps = coordinates_of(candidate.effects, candidate.slice_of, candidate.signals)
-    slopes, z = steps.slopes(candidate.fit.theta), steps.of(candidate.fit.theta)
-    spread = BAND * np.sqrt(np.maximum(np.diag(slopes @ known @ slopes.T), 0.0))
-    return [own.start for own, _, _ in steps.effects if abs(z[own.start]) > spread[own.start]]
+    steps, theta = coordinates_of(candidate.effects, candidate.slice_of, candidate.signals), candidate.fit.theta
+    slopes, z, sure = steps.slopes(theta), steps.of(theta), []
+    for own, _, _ in steps.effects:
+        slope = slopes[own.start, own]
+        if abs(z[own.start]) > BAND * np.sqrt(max(float(slope @ known[own, own] @ slope), 0.0)):
+            sure.append(own.start)
+    return sure
 
 
 def is_sized(effects: Sequence[BaseEffect], low: np.ndarray, high: np.ndarray) -> bool:

@@ -171,12 +171,12 @@ class _Fit:
         best = max((self.refined(k, f, noise) for (k, f), noise in zip(picks, noises)), key=_of_any_size)
         others = {*picks, *((k, form) for k, f, _ in seeds for form in self.relatives(k, f))} - {(best.k, best.f)}
         while others:
-            rival = max((self.under(k, f, best.noise) for k, f in sorted(others)), key=_of_any_size)
-            others.remove((rival.k, rival.f))
-            rival = self.refined(rival.k, rival.f, best.noise)
-            if _of_any_size(rival) <= _of_any_size(best):
+            first = max((self.under(k, f, best.noise) for k, f in sorted(others)), key=_of_any_size)
+            others.remove((first.k, first.f))
+            first = self.refined(first.k, first.f, best.noise)
+            if _of_any_size(first) <= _of_any_size(best):
                 break
-            best = rival
+            best = first
         return best
 
     def under(self, k: int, f: int, noise: Noise) -> _Found:
