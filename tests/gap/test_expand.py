@@ -78,3 +78,21 @@ def test_beside_one_at_the_noise_those_far_from_the_data_are_not_fitted(monkeypa
     search = OdeSearch(SimpleNamespace(record=record, numerics=Numerics(1)), effects, np.zeros((2, 10)))
     search.fit_all(BASE, chosen)
     assert asked == [first, near, shown]
+
+
+def test_where_the_screen_was_wrong_about_the_one_at_the_noise_others_may_be_as_wrong(monkeypatch):
+    """It expected the first to leave 400, forty times the noise; so those it expects to leave up to twice that are fitted."""
+    asked = []
+
+    def fit_apart(self, base, chosen, best):
+        asked.extend(starts[0].effect for starts in chosen)
+        return [candidate(starts[0].effect, 1.0) for starts in chosen]
+
+    monkeypatch.setattr(OdeSearch, "fit_apart", fit_apart)
+    first, near, far = effects = [lag(name) for name in ("first", "near", "far")]
+    expected = {first: 400.0, near: 799.0, far: 801.0}
+    chosen = [[SimpleNamespace(effect=e, left=expected[e], evident=False)] for e in effects]
+    record = SimpleNamespace(y=np.zeros((1, 10)), n_values=10)
+    search = OdeSearch(SimpleNamespace(record=record, numerics=Numerics(1)), effects, np.zeros((2, 10)))
+    search.fit_all(BASE, chosen)
+    assert asked == [first, near]

@@ -24,7 +24,7 @@ from sksurrogate.gap.screen._pairs import beside, best_pairs
 from sksurrogate.gap.screen._screen import Screen, Start, screen
 from sksurrogate.gap.search._base import Wanted
 from sksurrogate.gap.search._fit_from_starts import best_starts, cheapest, fit_added, fit_pair
-from sksurrogate.gap.search._set_search import SetSearch
+from sksurrogate.gap.search._set_search import AS_NEAR, SetSearch
 from sksurrogate.gap.search._stopping import remembers_enough
 from sksurrogate.kernels.clock import check_time, limited
 from sksurrogate.kernels.disturbance import Noise
@@ -247,17 +247,19 @@ class Expander(SetSearch[OdeCandidate]):
     ) -> list[OdeCandidate]:
         """Fit candidates, best first; side by side where ``n_jobs`` or joblib's own setting asks for it.
 
-        The cost of the first is what the others must come near to; where that is the noise, only those are fitted that may come near.
+        The cost of the first is what the others must come near to; where that is the noise, only those are fitted that may come near:
+        the screen was wrong by what it expected the first to leave.
         """
         if effective_n_jobs(self.n_jobs) == 1:
             best = min(base.fit.cost, best)
             n = len(chosen) if len(chosen) <= FITTED_APART else 1
             tries = iter(self.fit_apart(base, [[one] for starts in chosen[:n] for one in starts], best))
             first = [cheapest(list(islice(tries, len(starts)))) for starts in chosen[:n]]
-            best = min([best, *(candidate.fit.cost for candidate in first if candidate is not None)])
-            others = (
-                chosen[n:] if best > AT_THE_NOISE**2 * self.n_values else [c for c in chosen[n:] if self.is_near(c)]
-            )
+            costs = [np.inf if candidate is None else candidate.fit.cost for candidate in first]
+            best = min([best, *costs])
+            expected = [least_left(starts) for starts, cost in zip(chosen, costs) if self.is_at_noise(cost)]
+            most = max([FAR_BY_COST * self.n_values, *(AS_NEAR * left for left in expected)])
+            others = [one for one in chosen[n:] if not self.is_at_noise(best) or may_lead_near(one, most)]
             found = [*first, *self.fit_apart(base, others, best)]
             return [candidate for candidate in found if candidate is not None]
         n = max(1, len(chosen) // 8)
@@ -268,9 +270,9 @@ class Expander(SetSearch[OdeCandidate]):
         added_one = [self.from_message(base, [starts[0].effect], one) for starts, one in zip(chosen, messages)]
         return [candidate for candidate in added_one if candidate is not None]
 
-    def is_near(self, starts: Sequence[Start]) -> bool:
-        """Whether a candidate may come near the data: the screen expects it, or the measurements show it."""
-        return any(start.evident or start.left < FAR_BY_COST * self.n_values for start in starts)
+    def is_at_noise(self, cost: float) -> bool:
+        """Whether a fit leaves no more than the noise."""
+        return cost <= AT_THE_NOISE**2 * self.n_values
 
     def fit_apart(self, base: OdeCandidate, chosen: Sequence[list[Start]], best: float) -> list[OdeCandidate | None]:
         """Fits that know nothing of each other, in two processes."""
@@ -287,6 +289,16 @@ class Expander(SetSearch[OdeCandidate]):
             return None
         fit, numerics = message
         return base.problem.at(numerics).candidate((*base.effects, *added), fit)
+
+
+def least_left(starts: Sequence[Start]) -> float:
+    """The least cost that the screen expects from the starts of one candidate."""
+    return min(start.left for start in starts)
+
+
+def may_lead_near(starts: Sequence[Start], most: float) -> bool:
+    """Whether a candidate may come near the data: the screen expects no more than ``most``, or the measurements show it."""
+    return least_left(starts) < most or any(start.evident for start in starts)
 
 
 def effort(starts: Sequence[Start]) -> float:
