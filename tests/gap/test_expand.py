@@ -5,6 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from sksurrogate import GapDiagnoser
+from sksurrogate.datasets import make_reactor, make_reactor_runs
 from sksurrogate.effects import CATALOGUE
 from sksurrogate.gap.fit._ode import Numerics
 from sksurrogate.gap.search._ode_search import OdeSearch
@@ -96,3 +98,11 @@ def test_where_the_screen_was_wrong_about_the_one_at_the_noise_others_may_be_as_
     search = OdeSearch(SimpleNamespace(record=record, numerics=Numerics(1)), effects, np.zeros((2, 10)))
     search.fit_all(BASE, chosen)
     assert asked == [first, near]
+
+
+def test_a_large_error_of_one_parameter_is_named_where_a_richer_form_reached_the_noise_first():
+    """The rate is 60 for 100: the screen expects thirty times the noise from its error, and from its step in time as well."""
+    X, y, runs = make_reactor_runs(3, 60, noise=0.02, random_state=0)
+    report = GapDiagnoser(make_reactor(second=60.0), random_state=0).fit(X, y, groups=runs).report_
+    assert [(effect.name, effect.location) for effect in report.effects] == [("parameter_error", "second")]
+    assert report.effects[0].params["relative_error"] == pytest.approx(2 / 3, rel=0.01)
