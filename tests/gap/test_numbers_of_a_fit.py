@@ -63,6 +63,50 @@ def test_an_interval_holds_noise_and_integration_at_right_angles(numerical, monk
     np.testing.assert_allclose([low[0], high[0]], [2.0 - half, 2.0 + half], rtol=1e-4)
 
 
+def test_the_interval_of_a_power_law_does_not_widen_with_what_another_parameter_does_not_show(monkeypatch):
+    """The logarithm of its coefficient at 10^5 has the error 0.1; a second effect cannot be seen at all."""
+    effects, size = (CATALOGUE["power_law"]("p", "p"), CATALOGUE["linear_loss"]("p", "p")), 1e5
+    theta = np.array([2.0 * size**-1.5, 1.5, 0.3])
+    gain = size**1.5
+    # Of the gain c s^m and the exponent m, independent errors: then c moves with m along its valley.
+    to_theta = np.array([[1 / gain, -theta[0] * np.log(size)], [0.0, 1.0]])
+    known = np.full((3, 3), np.inf)
+    known[:2, :2] = to_theta @ np.diag([0.2**2, 0.05**2]) @ to_theta.T
+    candidate = SimpleNamespace(
+        effects=effects,
+        slice_of=[slice(0, 2), slice(2, 3)].__getitem__,
+        signals={"p": np.full(3, size)},
+        fit=SimpleNamespace(theta=theta),
+        numerical_change=lambda: np.zeros(3),
+        problem=SimpleNamespace(bounds=lambda effects: (np.full(3, -9.0), np.full(3, 9.0))),
+    )
+    found = SimpleNamespace(candidate=candidate, fit=candidate.fit)
+    monkeypatch.setattr(_intervals, "covariance", lambda found: known)
+    low, high = _intervals.intervals(found)
+    log_error = 1.6449 * np.hypot(0.1, 0.05 * np.log(size))
+    np.testing.assert_allclose(np.log([low[0], high[0]] / theta[0]), [-log_error, log_error], rtol=1e-3)
+    assert [low[2], high[2]] == [-9.0, 9.0]
+
+
+def test_one_step_leads_to_what_some_of_the_runs_say_where_outputs_are_linear_in_the_parameters():
+    """x' = 1.3 u with a drift of the first run: without it the step ends where a fit of the others does."""
+    plant = describe(ODESimulator(lambda t, x, u, p: (p["k"] * u[0],), states=["x"], outputs=["x"], **NAMES))
+    rng = np.random.default_rng(0)
+    U = rng.uniform(-1.0, 1.0, (3, 20, 1))
+    Y = [np.cumsum(np.r_[2.0, 1.3 * u[:-1, 0]])[:, None] + 0.01 * rng.normal(size=(20, 1)) for u in U]
+    Y[0] += 0.05 * np.arange(20)[:, None]
+    problem, smoothed = build_problem(plant, PlantModel(plant), record_of(U, Y), (), ("x",))
+    effects = (CATALOGUE["parameter_error"]("k"),)
+    candidate = problem.fit(effects, np.zeros(1), smoothed.x)
+    some, rows = problem.on([1, 2]), problem.record.run_of_row > 0
+    theta, x = candidate.without_rows(some, rows)
+    others = some.fit(effects, np.zeros(1), smoothed.x[:, rows])
+    assert abs(candidate.fit.theta[0] - others.fit.theta[0]) > 1e-3
+    assert theta[0] == pytest.approx(others.fit.theta[0], abs=1e-6)
+    starts = some.record.starts
+    np.testing.assert_allclose(x[:, starts], others.fit.x[:, starts], atol=1e-6)
+
+
 @pytest.mark.parametrize("effect", [CATALOGUE["sensor_gain"]("y"), CATALOGUE["sensor_bias"]("y")])
 def test_a_run_left_out_is_simulated_with_what_the_others_say(effect):
     plant = describe(CallableSimulator(lambda U, p: p["k"] * U, outputs=["y"], **NAMES))

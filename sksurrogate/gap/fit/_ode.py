@@ -21,6 +21,7 @@ from sksurrogate.gap.fit._neighbours import Neighbours
 from sksurrogate.gap.fit._normal_equations import StartBasis, projected, start_bases
 from sksurrogate.gap.fit._pushes import REMEMBERED, pushed_input
 from sksurrogate.gap.fit._recent import recent_property
+from sksurrogate.kernels.arrow import Arrow
 from sksurrogate.kernels.disturbance import Disturbance, Noise
 from sksurrogate.kernels.output_error import Fit, Linearised, linearise, output_error, settle_hidden
 from sksurrogate.kernels.record import Record
@@ -157,14 +158,29 @@ class OdeCandidate(BaseCandidate):
         problem, theta = replace(self.problem, record=record), self.fit.theta
         with np.errstate(all="ignore"):
             if len(theta) and len(train):
-                x = self.fit.x[:, np.isin(record.run_of_row, train)]
-                refit = problem.on(train.tolist()).fit(
-                    self.effects, theta, x, open_steps=0, max_steps=REFIT_STEPS, settled=True
-                )
+                some = problem.on(train.tolist())
+                near, x = self.without_rows(some, np.isin(record.run_of_row, train))
+                refit = some.fit(self.effects, near, x, open_steps=0, max_steps=REFIT_STEPS, settled=True)
                 theta = refit.fit.theta if refit is not None else theta
             fit = replace(self.fit, x=self.fit.x[:, np.isin(record.run_of_row, test)], theta=theta)
             there = problem.on(test.tolist()).candidate(self.effects, fit).frozen(theta, near=True)
         return None if there is None else there.fit.y  # near: behind a limit initial states are hardly seen
+
+    def without_rows(self, some: OdeBackend, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Parameters and path that some of the runs lead to: one Gauss-Newton step with the sensitivities of all.
+
+        Those of all where the step goes further than the slopes are good for.
+        """
+        residual, J, _, _ = self.columns()
+        J_x, x, free = self.linearised.J_x[..., rows], self.fit.x[:, rows].copy(), self.model.free_states
+        starts, theta = some.record.starts, self.fit.theta
+        arrow = Arrow.build(J[..., rows], J_x[:, free], residual[:, rows], some.sd, starts, *self.step_prior)
+        dtheta, dx, _ = arrow.step(0.0)
+        small = np.all(np.abs(dtheta) <= REACH * self.problem.units(self.effects, theta))
+        if not (small and np.isfinite(dx).all()):
+            return theta, x
+        x[np.ix_(free, starts)] += dx
+        return some.within(self.effects, theta + dtheta), x
 
     def numerical_change(self) -> np.ndarray:
         """How far the parameters move when the steps are halved and kinks made sharper."""
