@@ -120,7 +120,7 @@ def output_error(
     centre: np.ndarray | None = None,
     open_steps: int = 3,
     max_steps: int = 25,
-    best: float = np.inf,
+    most: float = np.inf,
     fit_start: bool = True,
     fallback: np.ndarray | None = None,
     reach: float = np.inf,
@@ -142,7 +142,7 @@ def output_error(
     ``prior`` (n_theta,): standard deviation of a prior; inf for none.
     ``centre`` (n_theta,): mean of the prior; 0 by default.
     ``open_steps``: undamped steps that close the trajectory and move the parameters at once.
-    ``best``: cost of the best candidate so far; one that cannot come near it is abandoned.
+    ``most``: a fit that three more steps like its last would leave above this cost is abandoned.
     ``fit_start``: whether initial states are fitted.
     ``fallback`` (n_states, n_samples): a closed trajectory near the start, used where the open steps diverge (to no
         free run, or to one much further from the data); by default one is made by a loop over time.
@@ -175,7 +175,7 @@ def output_error(
             lead_on,
             within,
         )
-        return fit.run(theta, x, open_steps, max_steps, best, fallback)
+        return fit.run(theta, x, open_steps, max_steps, most, fallback)
 
 
 #: Parameters and a trajectory that slopes are of.
@@ -319,7 +319,7 @@ class _OutputError:
         x: np.ndarray,
         open_steps: int,
         max_steps: int,
-        best: float,
+        most: float,
         fallback: np.ndarray | None,
     ) -> Fit | None:
         first = self.within(theta), x
@@ -343,7 +343,7 @@ class _OutputError:
                     cost = self.cost(y, theta)
         if not np.isfinite(cost):
             return None
-        return self.descend(theta, x, y, cost, max_steps, best, lin, end.at)
+        return self.descend(theta, x, y, cost, max_steps, most, lin, end.at)
 
     def diverged(self, cost: float, theta: np.ndarray, fallback: np.ndarray | None) -> bool:
         """Whether a free run is much further from the data than the trajectory to fall back on."""
@@ -359,7 +359,7 @@ class _OutputError:
         y: np.ndarray,
         cost: float,
         max_steps: int,
-        best: float,
+        most: float,
         lin: Linearised | None,
         at: _Point | None,
     ) -> Fit | None:
@@ -398,7 +398,7 @@ class _OutputError:
             theta, x, y, cost, lin = new_theta, new_x, new_y, new_cost, lin if again else None
             if not raised and fell > KEPT_PROMISE * drop:  # a damping that has just failed fails again as a rule
                 damping = max(damping / 10, 1e-9)
-            if cost - 3 * fell > 3 * best:
+            if cost - 3 * fell > most:
                 break
             idle = idle + 1 if cost > self.idle_above and fell < self.idle * cost else 0
             if idle == 2:

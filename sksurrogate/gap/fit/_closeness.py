@@ -34,3 +34,13 @@ BEYOND_CHANCE = 3.0
 FAR_BY_COST = 5.0
 #: Bases further off are screened with all starting values, and fitted again.
 OUT_OF_SIGHT = 100.0
+
+
+def worth_following(best: float, n_values: int) -> float:
+    """The cost that a fit must come to beside the ``best`` so far: near it, or to the noise where that is there.
+
+    >>> worth_following(5000.0, 1000), worth_following(1001.0, 1000)
+    (15000.0, 1040.4)
+    """
+    at_the_noise = AT_THE_NOISE**2 * n_values
+    return at_the_noise if best <= at_the_noise else 3.0 * best

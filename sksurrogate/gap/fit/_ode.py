@@ -14,7 +14,7 @@ from sksurrogate.effects._model import AugmentedModel
 from sksurrogate.effects._smooth import KINK_SHARPNESS
 from sksurrogate.effects._structure import largest_gains
 from sksurrogate.gap.fit._backend import Backend, BaseCandidate
-from sksurrogate.gap.fit._closeness import FAR_BY_COST, LARGEST_DISTURBANCE
+from sksurrogate.gap.fit._closeness import FAR_BY_COST, LARGEST_DISTURBANCE, worth_following
 from sksurrogate.gap.fit._coordinates import coordinates_of
 from sksurrogate.gap.fit._known_parameters import KnownParameters
 from sksurrogate.gap.fit._neighbours import Neighbours
@@ -326,7 +326,7 @@ class OdeBackend(Backend):
                     centre=steps.of(centre, theta),
                     open_steps=0 if repeat else open_steps,
                     max_steps=max_steps,
-                    best=best,
+                    most=worth_following(best, self.record.n_values),
                     fallback=fallback,
                     **slopes_last(model),
                     idle=0.0 if settled else IDLE_NATS * 2 * REMEMBERED / self.record.n_values,
