@@ -174,7 +174,22 @@ def test_of_two_forms_of_one_law_the_nearer_is_enough_within_the_tolerance(monke
         without=lambda _, i: one((both[1 - i],), 500.0 if i == 0 else 300.0),
     )
     monkeypatch.setattr(_posterior, "_taken", lambda search, fewer, final: fewer)
+    monkeypatch.setattr(_posterior, "not_sized_by_noise", lambda found: [])
     assert [effect.name for effect in needed_only(search, final).effects] == left
+
+
+@pytest.mark.parametrize(("tolerated", "left"), [(400.0, "a"), (200.0, "ab")])
+def test_of_effects_without_a_magnitude_beside_each_other_one_is_enough_within_the_tolerance(
+    monkeypatch, tolerated, left
+):
+    """Two parameters that act as one: at the noise together, and neither of them has a size."""
+    search, one = _sets({"ab": 100.0, "a": 300.0, "b": 500.0})
+    search.tolerated_cost, final = tolerated, one("ab")
+    final.left = 1.0
+    monkeypatch.setattr(_posterior, "_taken", lambda search, fewer, final: fewer)
+    monkeypatch.setattr(_posterior, "of_one_law", lambda one, other: False)
+    monkeypatch.setattr(_posterior, "not_sized_by_noise", lambda found: list(range(len(found.effects) - 1)) and [0, 1])
+    assert "".join(effect.name for effect in needed_only(search, final).effects) == left
 
 
 def _sets(costs):
@@ -198,7 +213,7 @@ def test_names_taken_out_one_by_one_have_not_closed_most_together(monkeypatch):
     """Each step leaves less than four times what was left before; both together leave six times as much: the second stays."""
     search, one = _sets({"abc": 100.0, "ab": 200.0, "ac": 900.0, "bc": 900.0, "a": 600.0, "b": 900.0})
     monkeypatch.setattr(_posterior, "_taken", lambda search, fewer, final: fewer)
-    monkeypatch.setattr(_posterior, "_forms_of_one_law", lambda effects: [])
+    monkeypatch.setattr(_posterior, "_of_which_one_is_enough", lambda final: [])
     assert "".join(effect.name for effect in needed_only(search, one("abc")).effects) == "ab"
 
 
@@ -208,7 +223,7 @@ def test_where_a_name_is_not_needed_the_nearest_set_of_the_size_stands(monkeypat
     search, one = _sets(costs)
     search.stood[2] = one("ad")
     monkeypatch.setattr(_posterior, "_taken", lambda search, fewer, final: fewer)
-    monkeypatch.setattr(_posterior, "_forms_of_one_law", lambda effects: [])
+    monkeypatch.setattr(_posterior, "_of_which_one_is_enough", lambda final: [])
     assert "".join(effect.name for effect in needed_only(search, one("abc")).effects) == "ad"
 
 
@@ -216,7 +231,7 @@ def test_what_is_left_of_a_set_must_be_plausible_itself(monkeypatch):
     """Without the friction beside it a power law is nearest with an exponent of zero: a friction again."""
     search, one = _sets({"ab": 100.0, "a": 130.0, "b": 120.0})
     monkeypatch.setattr(_posterior, "_taken", lambda search, fewer, final: fewer)
-    monkeypatch.setattr(_posterior, "_forms_of_one_law", lambda effects: [])
+    monkeypatch.setattr(_posterior, "_of_which_one_is_enough", lambda final: [])
     assert "".join(effect.name for effect in needed_only(search, one("ab")).effects) == "b"
     search.plausible = lambda one: one.effects[0].name != "b"
     assert "".join(effect.name for effect in needed_only(search, one("ab")).effects) == "a"

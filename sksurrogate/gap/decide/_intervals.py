@@ -82,6 +82,19 @@ def is_sized(effects: Sequence[BaseEffect], low: np.ndarray, high: np.ndarray) -
     >>> is_sized([drag, lag], np.array([0.1, 0.0, 2.0, 0.1]), np.array([0.2, 5.0, 3.0, 0.2]))
     False
     """
+    return not not_sized(effects, low, high)
+
+
+def not_sized(effects: Sequence[BaseEffect], low: np.ndarray, high: np.ndarray) -> list[int]:
+    """Positions of the effects whose magnitude may be that at which they do nothing; arguments as for :func:`is_sized`."""
     first = np.cumsum([0, *(len(effect.parameters) for effect in effects)])[:-1]
-    nulls = [(k, effect.parameters[0].null) for k, effect in zip(first, effects) if effect.parameters]
-    return not any(low[k] <= null <= high[k] for k, null in nulls)
+    nulls = [
+        (i, k, effect.parameters[0].null) for i, (k, effect) in enumerate(zip(first, effects)) if effect.parameters
+    ]
+    return [i for i, k, null in nulls if low[k] <= null <= high[k]]
+
+
+def not_sized_by_noise(found: Evidence) -> list[int]:
+    """The same for the 90 % intervals of noise and disturbance alone."""
+    half = BAND * np.sqrt(np.maximum(np.diag(covariance(found)), 0.0))
+    return not_sized(found.effects, found.fit.theta - half, found.fit.theta + half)

@@ -8,7 +8,6 @@ from itertools import combinations
 
 import numpy as np
 
-from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.gap.decide._contenders import (
     Contender,
     contender,
@@ -19,6 +18,7 @@ from sksurrogate.gap.decide._contenders import (
     law_along,
     preferred,
 )
+from sksurrogate.gap.decide._intervals import not_sized_by_noise
 from sksurrogate.gap.decide._one_curve import redundant_effect
 from sksurrogate.gap.fit._closeness import MOST_LEFT, SETTLED
 from sksurrogate.gap.fit._evidence import Evidence, estimate_noise
@@ -160,8 +160,9 @@ def needed_only(search: OdeSearch, final: Evidence) -> Evidence:
     """A set without effects that the tolerance does not need, the least needed first.
 
     A set that leaves more than the noise is not exact: there a small effect may only correct the form of the others. Of two forms
-    of one law one is enough, where it closes the gap up to the tolerance: no form is exact on a real plant. What is taken out is
-    compared with the whole set: several effects may be needed where none of them alone is.
+    of one law one is enough, where it closes the gap up to the tolerance: no form is exact on a real plant. So it is of effects whose
+    magnitudes these data do not show beside each other. What is taken out is compared with the whole set: several effects may be
+    needed where none of them alone is.
     """
     whole = final.fit.cost
     while (fewer := _without_needless(search, final, whole)) is not None:
@@ -176,7 +177,7 @@ def _without_needless(search: OdeSearch, final: Evidence, whole: float) -> OdeCa
     """
     if len(final.effects) < 2:
         return None
-    one_form = _nearest_without(search, final, _forms_of_one_law(final.effects))
+    one_form = _nearest_without(search, final, _of_which_one_is_enough(final))
     if one_form is not None and one_form.fit.cost <= search.tolerated_cost:
         return one_form
     if final.left <= SETTLED:
@@ -187,10 +188,11 @@ def _without_needless(search: OdeSearch, final: Evidence, whole: float) -> OdeCa
     return None if fewer is None or is_needed(whole, fewer.fit.cost, search.tolerated_cost) else fewer
 
 
-def _forms_of_one_law(effects: Sequence[BaseEffect]) -> list[int]:
-    """Positions of the effects that are forms of one law with another."""
-    pairs = combinations(range(len(effects)), 2)
-    return sorted({i for pair in pairs if of_one_law(*(effects[k] for k in pair)) for i in pair})
+def _of_which_one_is_enough(final: Evidence) -> list[int]:
+    """Positions of the effects that are forms of one law with another, or whose magnitudes these data do not show beside each other."""
+    pairs = combinations(range(len(final.effects)), 2)
+    forms = {i for pair in pairs if of_one_law(*(final.effects[k] for k in pair)) for i in pair}
+    return sorted(forms.union(not_sized_by_noise(final)))
 
 
 def _nearest_without(search: OdeSearch, final: Evidence, positions: Iterable[int]) -> OdeCandidate | None:
