@@ -295,3 +295,18 @@ def equation_of(terms: Sequence[Term], coefficients: Sequence[float], latex: boo
         number = f"{abs(c):.4g}" + ("" if shape == "1" else (r"\," if latex else "*") + shape)
         out += (f"-{number}" if c < 0 else number) if not out else f" {'-' if c < 0 else '+'} {number}"
     return out or "0"
+
+
+def separate_parts(terms: Sequence[Term]) -> int:
+    """Groups of terms that share no signal with another group; constants belong to none.
+
+    >>> drag, sine = Term((("drag", "w", 0.0, 0.0),)), Term((("sine", "q", 0.0, 0.0),))
+    >>> separate_parts([drag, sine, Term()]), separate_parts([drag, sine, Term((*drag.factors, *sine.factors))])
+    (2, 1)
+    """
+    groups: list[set[str]] = []
+    for names in (set(term.variables) for term in terms):
+        shared = [group for group in groups if group & names]
+        groups = [group for group in groups if not group & names]
+        groups += [names.union(*shared)] if names else []
+    return len(groups)

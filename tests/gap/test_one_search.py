@@ -10,7 +10,7 @@ from sksurrogate.effects._sensor import SensorDelay
 from sksurrogate.gap.fit._build import build_problem, build_trajectory
 from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.search._ode_search import OdeSearch
-from sksurrogate.gap.search._related_forms import reformed
+from sksurrogate.gap.search._related_forms import reformed, simpler_forms
 from sksurrogate.gap.search._set_search import SetSearch
 from sksurrogate.gap.search._trajectory_search import TrajectorySearch
 from sksurrogate.gap.unnamed._ode_channels import OdeChannels
@@ -163,3 +163,16 @@ def test_what_a_finer_fit_makes_implausible_does_not_stand():
     assert search.best_polished([first, second]) is second.finer
     second.finer.sound = False
     assert search.best_polished([first, second]) is first.finer
+
+
+def test_a_simpler_form_that_the_set_has_already_does_not_enter_twice():
+    """Two memories at one place: where the second comes down to the first's form, it keeps its own."""
+    lag, mode = CATALOGUE["hidden_relaxation"]("p", "p"), CATALOGUE["hidden_mode"]("p", "p")
+    search = SimpleNamespace(library=[lag, mode])
+
+    def forms(*effects):
+        candidate = SimpleNamespace(effects=effects, keys=tuple(effect.key for effect in effects))
+        return simpler_forms(search, candidate, len(effects) - 1, "hidden_relaxation")
+
+    assert forms(mode) == [lag]
+    assert forms(lag, mode) == []

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from sksurrogate.effects import CATALOGUE
+from sksurrogate.effects._formula import Term
 from sksurrogate.gap._law_stage import LawStage
 from sksurrogate.gap.decide._rules import DecisionFeatures, first_rule
 from sksurrogate.gap.decide._unnamed_ode import OdeUnnamed
@@ -83,7 +84,12 @@ def test_one_formula_takes_the_place_of_several_names_only_where_it_is_clearly_l
 
     def found(candidate, price):
         return SimpleNamespace(
-            law=SimpleNamespace(curve=False, price=price, found=SimpleNamespace(candidate=candidate))
+            law=SimpleNamespace(
+                curve=False,
+                price=price,
+                found=SimpleNamespace(candidate=candidate),
+                effect=SimpleNamespace(terms=[Term((("drag", "v", 0.0, 0.0),)), Term((("sine", "q", 0.0, 0.0),))]),
+            )
         )
 
     search = SimpleNamespace(library=[None] * 100, order=lambda candidates: worths.__getitem__)
@@ -91,6 +97,8 @@ def test_one_formula_takes_the_place_of_several_names_only_where_it_is_clearly_l
     final = SimpleNamespace(candidate="names", effects=(1, 2, 3))
     unnamed = SimpleNamespace(search=search)
     assert OdeUnnamed.law_instead(unnamed, law, final, beside) is instead
+    two = SimpleNamespace(candidate="names", effects=(1, 2))  # as many as the parts of the law, which share no signal
+    assert not OdeUnnamed.law_instead(unnamed, law, two, beside)
     law.law.curve = True
     assert not OdeUnnamed.law_instead(unnamed, law, final, beside)
 

@@ -114,7 +114,10 @@ class BaseUnnamed(ABC, Generic[C]):
         return None
 
     def law_instead(self, beside: CertifiedLaw, final: Evidence[C], rest: CertifiedLaw | None) -> bool:
-        """Whether one formula on top of nothing is clearly likelier than all names and the law that they leave, all with the price of their choice."""
+        """Whether a formula on top of nothing, of fewer parts than there are names, is clearly likelier than these and the law that they leave.
+
+        All with the price of their choice.
+        """
         return False
 
     def imitated_by_retuning(self) -> list[tuple[str, str, str | None]]:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from sksurrogate._parallel._worker_process import PendingAnswer
+from sksurrogate.effects._formula import separate_parts
 from sksurrogate.gap.decide._generic_correction import Correction, generic_correction, known_runs
 from sksurrogate.gap.decide._held_out import HeldOut
 from sksurrogate.gap.decide._law_certificate import CertifiedLaw, held_out_law
@@ -165,8 +166,8 @@ class OdeUnnamed(BaseUnnamed[OdeCandidate]):
 
     def law_instead(self, beside: CertifiedLaw, final: Evidence[OdeCandidate], rest: CertifiedLaw | None) -> bool:
         search, law = self.search, beside.law
-        if law.curve:
-            return False
+        if law.curve or separate_parts(law.effect.terms) >= len(final.effects):
+            return False  # parts that share no signal are as many effects
         named = final if rest is None else rest.law.found
         score = search.order([law.found.candidate, named.candidate])
         price = len(final.effects) * np.log(len(search.library)) + (0.0 if rest is None else rest.law.price)

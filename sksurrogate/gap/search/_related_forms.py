@@ -26,7 +26,7 @@ def simplify(search: SetMoves[C], candidate: C, far: bool = False) -> C:
     for i, effect in enumerate(candidate.effects):
         shapes = effect.simpler(tuple(candidate.theta_of(i)))
         for name in (*NESTED.get(effect.name, ()), *shapes):
-            simple = simpler(effect, name, search.library)
+            simple = simpler_forms(search, candidate, i, name)
             base = search.without(candidate, i) if simple else None
             if base is None:
                 continue
@@ -101,11 +101,15 @@ def relatives(search: SetMoves[C], effect: BaseEffect, candidate: C) -> list[Bas
     return [e for e in search.library if related(e, effect) and e.key not in candidate.keys]
 
 
+def simpler_forms(search: BaseSearch[C], candidate: C, i: int, name: str) -> list[BaseEffect]:
+    """Effects of a name that effect i of a set contains, but those that the set has already."""
+    return [form for form in simpler(candidate.effects[i], name, search.library) if form.key not in candidate.keys]
+
+
 def special_cases(search: BaseSearch[C], named: C, i: int) -> list[BaseEffect]:
     """Simpler forms of effect i with which the set, fitted again, leaves no more of the gap than the tolerance in addition."""
-    effect, beside = named.effects[i], frozenset(key for j, key in enumerate(named.keys) if j != i)
-    most = named.fit.cost + search.tolerated_cost
-    forms = [form for name in NESTED.get(effect.name, ()) for form in simpler(effect, name, search.library)]
+    beside, most = frozenset(key for j, key in enumerate(named.keys) if j != i), named.fit.cost + search.tolerated_cost
+    forms = [form for name in NESTED.get(named.effects[i].name, ()) for form in simpler_forms(search, named, i, name)]
     fitted = ((form, search.fitted.get(beside | {form.key})) for form in forms)
     return [form for form, one in fitted if one is not None and one.fit.cost < most]
 
