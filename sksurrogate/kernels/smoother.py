@@ -16,11 +16,16 @@ from sksurrogate.kernels.banded import BlockTridiagonal
 from sksurrogate.kernels.free_run_model import ObservedStepper
 from sksurrogate.kernels.integrate import DIFFERENCE, moved_one_by_one, state_jacobian
 
+#: Differences of readings below this share of their range are rounding of the computer.
+LEAST_RESOLUTION = 1e-9
+
 
 def noise_of_differences(
     y: np.ndarray, starts: np.ndarray, known: np.ndarray | None = None, t: np.ndarray | None = None
 ) -> np.ndarray:
     """Standard deviation of white sensor noise: MAD of third differences / 0.6745 / sqrt(20), (n_outputs,).
+
+    At least that of a reading rounded to its resolution (Widrow and Kollar 2008).
 
     ``y`` (n_outputs, n_samples), ``starts`` int (n_runs,).
     ``known`` bool (n_outputs, n_samples): which values were measured: differences are then divided ones, of four
@@ -32,7 +37,7 @@ def noise_of_differences(
         run = np.searchsorted(starts, np.arange(y.shape[1]), side="right")
         return np.array([_noise_of_measured(row[seen], t[seen], run[seen]) for row, seen in zip(y, known)])
     spread = np.std(y, axis=1)
-    floor = np.maximum(1e-4 * spread, 1e-12)
+    floor = np.array([_least_noise(row) for row in y])
     within = np.ones(y.shape[1], bool)  # whether the row and the three that follow it are of one run
     within[-3:] = False
     for start in starts[1:]:
@@ -46,10 +51,26 @@ def noise_of_differences(
     return np.maximum(np.median(np.abs(third), axis=1) / 0.6745 / np.sqrt(20.0), floor)
 
 
+def resolution(y: np.ndarray) -> float:
+    """Smallest difference of two readings (n,) that is not rounding of the computer; 0 where all are equal.
+
+    >>> resolution(np.array([0.5, 0.25, 0.25 + 1e-13, 1.0])), resolution(np.ones(3))
+    (0.25, 0.0)
+    """
+    apart = np.diff(np.sort(y))
+    apart = apart[apart > LEAST_RESOLUTION * np.sum(apart)]
+    return float(np.min(apart, initial=np.inf)) if len(apart) else 0.0
+
+
+def _least_noise(y: np.ndarray) -> float:
+    """The least standard deviation that the noise of readings (n,) counts as."""
+    return max(1e-4 * float(np.std(y)), resolution(y) / np.sqrt(12.0), 1e-12) if len(y) else 1e-12
+
+
 def _noise_of_measured(y: np.ndarray, t: np.ndarray, run: np.ndarray) -> float:
     """The same of readings (n,) at uneven times: third divided differences over the root of the squares of their weights."""
     spread = float(np.std(y)) if len(y) else 0.0
-    floor = max(1e-4 * spread, 1e-12)
+    floor = _least_noise(y)
     first = np.flatnonzero(run[3:] == run[:-3])
     if not len(first):
         return max(0.01 * spread, floor)

@@ -72,6 +72,16 @@ def test_products_of_columns_are_those_of_the_whole_gram():
                 assert row[m] == pytest.approx(g[both] @ np.linalg.solve(H[np.ix_(both, both)], g[both]), rel=1e-4)
 
 
+def test_the_unit_of_a_fitted_parameter_changes_no_pair():
+    """Ten to the 25 times the readings move with the coefficient of a tenth power of a temperature in K: too much for single precision squared."""
+    screen, unit = screen_of(), 1e25
+    scaled = replace(screen, known=screen.known * np.array([1.0, unit])[:, None, None])
+    scaled = replace(scaled, precision=screen.precision * unit**2, pull=screen.pull * unit)
+    for one, other in zip(best_pairs(screen, 3), best_pairs(scaled, 3), strict=True):
+        assert (one.first.effect.key, one.second.effect.key) == (other.first.effect.key, other.second.effect.key)
+        assert one.drop == pytest.approx(other.drop, rel=1e-5)
+
+
 def test_the_pair_that_makes_the_residual_is_the_best():
     first, second, _ = best_pairs(screen_of(), 3)[0]
     assert {first.effect.name, second.effect.name} == {"quadratic_drag", "cubic_stiffness"}

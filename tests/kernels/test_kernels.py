@@ -221,3 +221,15 @@ def test_noise_of_a_smooth_signal_is_found():
     t = np.linspace(0, 10, 4000)
     y = np.sin(t)[None] + 0.01 * RNG.normal(size=(1, 4000))
     assert noise_of_differences(y, np.array([0, 2000]))[0] == pytest.approx(0.01, rel=0.06)  # MAD of 4000 values
+
+
+@pytest.mark.parametrize("measured", [None, "all"])
+def test_a_reading_is_known_no_better_than_its_resolution(measured):
+    """A slow signal in steps of 2: most differences are zero, and the rounding has the deviation 2 / sqrt(12) all the same."""
+    rng = np.random.default_rng(0)
+    y = 2.0 * np.round((30.0 * np.sin(np.linspace(0, 6, 900)) + 0.01 * rng.normal(size=900))[None] / 2.0)
+    known = None if measured is None else np.ones(y.shape, bool)
+    found = noise_of_differences(y, np.array([0]), known)[0]
+    assert np.median(np.abs(np.diff(y, n=3))) == 0.0
+    assert found == pytest.approx(2.0 / np.sqrt(12.0))
+    assert noise_of_differences(np.ones((1, 50)), np.array([0]))[0] == 1e-12

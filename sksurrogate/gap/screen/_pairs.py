@@ -122,13 +122,18 @@ class _Columns:
         """The columns that a screen has kept."""
         assert screen.columns is not None
         few = len(screen.known)
-        stack = np.concatenate([screen.known.astype(np.float32), screen.columns])
+        unit = np.abs(screen.known[1:]).max(
+            axis=(1, 2), initial=1e-300
+        )  # of a parameter: squares of any size fit in single precision
+        scaled = np.concatenate([screen.known[:1], screen.known[1:] / unit[:, None, None]])
+        precision, pull = screen.precision / unit**2, screen.pull / unit
+        stack = np.concatenate([scaled.astype(np.float32), screen.columns])
         project_in_place(stack, start_bases(screen.J_x.astype(np.float32), screen.record_starts, stack.shape[-1]))
         flat = stack.reshape(len(stack), -1)
         rows = (flat[:few] @ flat.T).astype(float)
         diagonal = np.einsum("kn,kn->k", flat, flat, dtype=float)
-        g, h = eliminate_rows(rows, diagonal, screen.precision, screen.pull)
-        known = inverse(rows[1:, 1:few] + np.diag(screen.precision))
+        g, h = eliminate_rows(rows, diagonal, precision, pull)
+        known = inverse(rows[1:, 1:few] + np.diag(precision))
         return cls(flat[few:], rows[1:, few:], known, g, np.maximum(h, 1e-300), screen.low, screen.high)
 
     def with_all(self, some: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
