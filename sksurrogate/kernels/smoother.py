@@ -16,8 +16,8 @@ from sksurrogate.kernels.banded import BlockTridiagonal
 from sksurrogate.kernels.free_run_model import ObservedStepper
 from sksurrogate.kernels.integrate import DIFFERENCE, moved_one_by_one, state_jacobian
 
-#: Differences of readings below this share of their range are rounding of the computer.
-LEAST_RESOLUTION = 1e-9
+#: Differences of readings below this share of their range are rounding of the computer; readings this near to a step are on its grid.
+ROUNDED, ON_THE_GRID = 1e-9, 1e-3
 
 
 def noise_of_differences(
@@ -25,7 +25,8 @@ def noise_of_differences(
 ) -> np.ndarray:
     """Standard deviation of white sensor noise: MAD of third differences / 0.6745 / sqrt(20), (n_outputs,).
 
-    At least that of a reading rounded to its resolution (Widrow and Kollar 2008).
+    Where most readings repeat the one before, at least that of a reading rounded to its resolution (Widrow and Kollar 2008): most
+    differences are zero there.
 
     ``y`` (n_outputs, n_samples), ``starts`` int (n_runs,).
     ``known`` bool (n_outputs, n_samples): which values were measured: differences are then divided ones, of four
@@ -52,19 +53,26 @@ def noise_of_differences(
 
 
 def resolution(y: np.ndarray) -> float:
-    """Smallest difference of two readings (n,) that is not rounding of the computer; 0 where all are equal.
+    """Step of the grid that all readings (n,) stand on, their smallest difference; 0 where they stand on none.
 
-    >>> resolution(np.array([0.5, 0.25, 0.25 + 1e-13, 1.0])), resolution(np.ones(3))
-    (0.25, 0.0)
+    >>> resolution(np.array([0.5, 0.25, 0.5, 1.0])), resolution(np.array([0.5, 0.25, 0.31, 1.0])), resolution(np.ones(3))
+    (0.25, 0.0, 0.0)
     """
     apart = np.diff(np.sort(y))
-    apart = apart[apart > LEAST_RESOLUTION * np.sum(apart)]
-    return float(np.min(apart, initial=np.inf)) if len(apart) else 0.0
+    apart = apart[apart > ROUNDED * np.sum(apart)]
+    if not len(apart):
+        return 0.0
+    step = float(np.min(apart))
+    steps = (y - np.min(y)) / step
+    return step if bool(np.all(np.abs(steps - np.round(steps)) < ON_THE_GRID)) else 0.0
 
 
 def _least_noise(y: np.ndarray) -> float:
     """The least standard deviation that the noise of readings (n,) counts as."""
-    return max(1e-4 * float(np.std(y)), resolution(y) / np.sqrt(12.0), 1e-12) if len(y) else 1e-12
+    if len(y) < 2:
+        return 1e-12
+    step = resolution(y) if np.median(np.abs(np.diff(y))) == 0.0 else 0.0
+    return max(1e-4 * float(np.std(y)), step / np.sqrt(12.0), 1e-12)
 
 
 def _noise_of_measured(y: np.ndarray, t: np.ndarray, run: np.ndarray) -> float:

@@ -355,7 +355,6 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
         options: dict[str, Any] = {
             "unit": unit,
             "bounds": bounds,
-            "best": np.inf,
             "max_steps": self.max_iter,
             "fit_start": self.fit_x0,
             "settled": _CALIBRATION_SETTLED,
