@@ -116,6 +116,8 @@ def test_of_sets_that_data_do_not_separate_the_likelier_before_any_data_is_named
     assert preferred(own, [contender(11.0, -9.0, "twin")]) is own  # as likely as before: what stands stays
     assert preferred(own, [better := contender(14.0, -12.0, "lag")]) is better
     assert preferred(own, [contender(11.0, -9.0, "twin", cost=30.0)]) is own
+    alike = [contender(9.5, -8.0, "gain"), likelier := contender(11.0, -8.0, "loss")]
+    assert preferred(own, alike) is likelier  # of those as likely before, the likeliest with the data
     assert preferred(own, [near := contender(9.0, -9.0, "twin", cost=20.0)]) is near  # the law beside it does much less
 
 
@@ -174,7 +176,7 @@ def test_of_two_forms_of_one_law_the_nearer_is_enough_within_the_tolerance(monke
         without=lambda _, i: one((both[1 - i],), 500.0 if i == 0 else 300.0),
     )
     monkeypatch.setattr(_posterior, "_taken", lambda search, fewer, final: fewer)
-    monkeypatch.setattr(_posterior, "not_sized_by_noise", lambda found: [])
+    monkeypatch.setattr(_posterior, "not_sized_beside_others", lambda found: [])
     assert [effect.name for effect in needed_only(search, final).effects] == left
 
 
@@ -188,7 +190,9 @@ def test_of_effects_without_a_magnitude_beside_each_other_one_is_enough_within_t
     final.left = 1.0
     monkeypatch.setattr(_posterior, "_taken", lambda search, fewer, final: fewer)
     monkeypatch.setattr(_posterior, "of_one_law", lambda one, other: False)
-    monkeypatch.setattr(_posterior, "not_sized_by_noise", lambda found: list(range(len(found.effects) - 1)) and [0, 1])
+    monkeypatch.setattr(
+        _posterior, "not_sized_beside_others", lambda found: list(range(len(found.effects) - 1)) and [0, 1]
+    )
     assert "".join(effect.name for effect in needed_only(search, final).effects) == left
 
 

@@ -90,10 +90,11 @@ def elsewhere(search: OdeSearch, final: Evidence, own: Contender) -> list[tuple[
 def preferred(own: Contender, others: Sequence[Contender]) -> Contender:
     """Of the sets that are as likely as the likeliest, up to :data:`NATS_THAT_SETTLE`, the likeliest before any data.
 
-    Where several are, what stands, or one that leaves much less to the law beside it.
+    Where several are, what stands, else the likeliest; or one that leaves much less to the law beside it.
     """
-    best = max(one.net for one in (own, *others))
-    near = [one for one in (own, *others) if one.net > best - NATS_THAT_SETTLE]
+    ordered = own, *sorted(others, key=lambda one: -one.net)
+    best = max(one.net for one in ordered)
+    near = [one for one in ordered if one.net > best - NATS_THAT_SETTLE]
     before = max(one.before for one in near)
     first, *alike = (one for one in near if one.before > before - 1e-9)
     nearest = min(alike, key=lambda one: one.candidate.fit.cost, default=first)

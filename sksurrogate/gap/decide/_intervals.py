@@ -14,26 +14,31 @@ from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.fit._normal_equations import seen_inverse
 from sksurrogate.gap.results._effect_estimate import BAND
 
+#: All parameters.
+ALL = slice(None)
 #: Share of a parameter that integrators and the smoothing of kinks may always move.
 NUMERICS = 5e-4
 
 
-def covariance(found: Evidence) -> np.ndarray:
-    """Covariance of the output-error parameters when the residual has the candidate's own noise.
+def covariance(found: Evidence, own: slice = ALL) -> np.ndarray:
+    """Covariance of the output-error parameters when the residual has the candidate's own noise; of some of them, the others held.
 
     The sandwich ``H^-1 J' W S W J H^-1`` with W the white weights of the fit and S the covariance of white noise, forces
     and coloured sensor noise; initial states are projected out. A prior that the user gives counts as one more measured value.
     """
     candidate = found.candidate
-    k = len(candidate.fit.theta)
+    k = len(candidate.fit.theta[own])
     if k == 0:
         return np.zeros((0, 0))
-    J = candidate.without_starts(candidate.sensitivities.transpose(1, 0, 2))
+    J, precision = (
+        candidate.without_starts(candidate.sensitivities[:, own].transpose(1, 0, 2)),
+        candidate.precision[own],
+    )
     flat = J.reshape(k, -1)
-    H, blind = seen_inverse(flat @ flat.T + np.diag(candidate.precision))
+    H, blind = seen_inverse(flat @ flat.T + np.diag(precision))
     white = 1.0 / candidate.problem.sd[:, None]
     spread = candidate.disturbance.spread((J * white).transpose(1, 0, 2), found.noise)
-    out = H @ (spread + np.diag(np.where(candidate.prior_known, candidate.precision, 0.0))) @ H
+    out = H @ (spread + np.diag(np.where(candidate.prior_known[own], precision, 0.0))) @ H
     out[blind, blind] = np.inf
     return out
 
@@ -94,7 +99,15 @@ def not_sized(effects: Sequence[BaseEffect], low: np.ndarray, high: np.ndarray) 
     return [i for i, k, null in nulls if low[k] <= null <= high[k]]
 
 
-def not_sized_by_noise(found: Evidence) -> list[int]:
-    """The same for the 90 % intervals of noise and disturbance alone."""
-    half = BAND * np.sqrt(np.maximum(np.diag(covariance(found)), 0.0))
-    return not_sized(found.effects, found.fit.theta - half, found.fit.theta + half)
+def not_sized_beside_others(found: Evidence) -> list[int]:
+    """Positions of the effects whose magnitude the data show with the other effects as they are, and not beside them.
+
+    By the 90 % intervals of noise and disturbance alone.
+    """
+
+    def ends(own: slice) -> tuple[np.ndarray, np.ndarray]:
+        half = BAND * np.sqrt(np.maximum(np.diag(covariance(found, own)), 0.0))
+        return found.fit.theta[own] - half, found.fit.theta[own] + half
+
+    alone = [ends(found.candidate.slice_of(i)) for i in range(len(found.effects))]
+    return [i for i in not_sized(found.effects, *ends(ALL)) if is_sized([found.effects[i]], *alone[i])]

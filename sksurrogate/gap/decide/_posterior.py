@@ -18,7 +18,7 @@ from sksurrogate.gap.decide._contenders import (
     law_along,
     preferred,
 )
-from sksurrogate.gap.decide._intervals import not_sized_by_noise
+from sksurrogate.gap.decide._intervals import not_sized_beside_others
 from sksurrogate.gap.decide._one_curve import redundant_effect
 from sksurrogate.gap.fit._closeness import MOST_LEFT, SETTLED
 from sksurrogate.gap.fit._evidence import Evidence, estimate_noise
@@ -192,7 +192,7 @@ def _of_which_one_is_enough(final: Evidence) -> list[int]:
     """Positions of the effects that are forms of one law with another, or whose magnitudes these data do not show beside each other."""
     pairs = combinations(range(len(final.effects)), 2)
     forms = {i for pair in pairs if of_one_law(*(final.effects[k] for k in pair)) for i in pair}
-    return sorted(forms.union(not_sized_by_noise(final)))
+    return sorted(forms.union(not_sized_beside_others(final)))
 
 
 def _nearest_without(search: OdeSearch, final: Evidence, positions: Iterable[int]) -> OdeCandidate | None:
