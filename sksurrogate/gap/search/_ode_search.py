@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.effects._whole_step import has_own_steps
 from sksurrogate.gap.fit._closeness import MOST_LEFT, SETTLED
 from sksurrogate.gap.fit._evidence import Evidence, follow_null
 from sksurrogate.gap.fit._ode import FIT_STEPS, REFIT_STEPS, OdeBackend, OdeCandidate
@@ -37,6 +38,11 @@ class OdeSearch(Expander):
 
     #: Sets without one of their effects, by the set, its place and the best fit of the others that was known then
     smaller: dict[Any, OdeCandidate | None] = field(default_factory=dict)
+
+    @property
+    def frugal(self) -> bool:  # type: ignore[override]
+        """A simulator that takes steps of its own within a sample is asked for them one by one."""
+        return has_own_steps(self.problem.plant)
 
     @property
     def positions(self) -> tuple[str, ...]:

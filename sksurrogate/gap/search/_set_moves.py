@@ -26,7 +26,7 @@ MOST_POLISHED = 4
 class SetMoves(BaseSearch[C]):
     """Steps from one set of effects to others."""
 
-    #: Whether every simulation counts: then no other sets of effects are extended beside the best one.
+    #: Whether simulations are dear: then no other sets of effects are extended beside the best one.
     frugal: ClassVar[bool] = False
 
     @property
