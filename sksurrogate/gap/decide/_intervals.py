@@ -21,7 +21,7 @@ NUMERICS = 5e-4
 
 
 def covariance(found: Evidence, own: slice = ALL) -> np.ndarray:
-    """Covariance of the output-error parameters when the residual has the candidate's own noise; of some of them, the others held.
+    """Covariance of the output-error parameters when the residual has the candidate's own noise; of the ``own`` ones with the others held.
 
     The sandwich ``H^-1 J' W S W J H^-1`` with W the white weights of the fit and S the covariance of white noise, forces
     and coloured sensor noise; initial states are projected out. A prior that the user gives counts as one more measured value.
@@ -30,10 +30,8 @@ def covariance(found: Evidence, own: slice = ALL) -> np.ndarray:
     k = len(candidate.fit.theta[own])
     if k == 0:
         return np.zeros((0, 0))
-    J, precision = (
-        candidate.without_starts(candidate.sensitivities[:, own].transpose(1, 0, 2)),
-        candidate.precision[own],
-    )
+    J = candidate.without_starts(candidate.sensitivities[:, own].transpose(1, 0, 2))
+    precision = candidate.precision[own]
     flat = J.reshape(k, -1)
     H, blind = seen_inverse(flat @ flat.T + np.diag(precision))
     white = 1.0 / candidate.problem.sd[:, None]
@@ -93,10 +91,8 @@ def is_sized(effects: Sequence[BaseEffect], low: np.ndarray, high: np.ndarray) -
 def not_sized(effects: Sequence[BaseEffect], low: np.ndarray, high: np.ndarray) -> list[int]:
     """Positions of the effects whose magnitude may be that at which they do nothing; arguments as for :func:`is_sized`."""
     first = np.cumsum([0, *(len(effect.parameters) for effect in effects)])[:-1]
-    nulls = [
-        (i, k, effect.parameters[0].null) for i, (k, effect) in enumerate(zip(first, effects)) if effect.parameters
-    ]
-    return [i for i, k, null in nulls if low[k] <= null <= high[k]]
+    sized = [(i, k, effect) for i, (k, effect) in enumerate(zip(first, effects)) if effect.parameters]
+    return [i for i, k, effect in sized if low[k] <= effect.parameters[0].null <= high[k]]
 
 
 def not_sized_beside_others(found: Evidence) -> list[int]:

@@ -247,8 +247,8 @@ class Expander(SetSearch[OdeCandidate]):
     ) -> list[OdeCandidate]:
         """Fit candidates, best first; side by side where ``n_jobs`` or joblib's own setting asks for it.
 
-        The cost of the first is what the others must come near to; where that is the noise, only those are fitted that may come near:
-        the screen was wrong by what it expected the first to leave.
+        The cost of the first is what the others must come near to. Where that is the noise, only those are fitted that may come near: as
+        much as the screen expected the first to leave, it may be wrong about others.
         """
         if effective_n_jobs(self.n_jobs) == 1:
             best = min(base.fit.cost, best)
