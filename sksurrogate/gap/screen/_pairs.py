@@ -122,8 +122,8 @@ class _Columns:
         """The columns that a screen has kept."""
         assert screen.columns is not None
         few = len(screen.known)
-        # Of a fitted parameter: in single precision squares of 1e20 would be infinite.
-        unit = np.abs(screen.known[1:]).max(axis=(1, 2), initial=1e-300)
+        # Of a fitted parameter: in single precision squares of 1e20 would be infinite. Powers of two add no rounding.
+        unit = np.exp2(np.frexp(np.abs(screen.known[1:]).max(axis=(1, 2), initial=1e-300))[1])
         scaled = np.concatenate([screen.known[:1], screen.known[1:] / unit[:, None, None]])
         precision, pull = screen.precision / unit**2, screen.pull / unit
         stack = np.concatenate([scaled.astype(np.float32), screen.columns])
