@@ -36,11 +36,19 @@ FAR_BY_COST = 5.0
 OUT_OF_SIGHT = 100.0
 
 
+def is_at_noise(cost: float, n_values: int) -> bool:
+    """Whether a fit leaves no more than the noise.
+
+    >>> is_at_noise(1040.0, 1000), is_at_noise(1041.0, 1000)
+    (True, False)
+    """
+    return cost <= AT_THE_NOISE**2 * n_values
+
+
 def worth_following(best: float, n_values: int) -> float:
     """The cost that a fit must come to beside the ``best`` so far: near it, or to the noise where that is there.
 
     >>> worth_following(5000.0, 1000), worth_following(1001.0, 1000)
     (15000.0, 1040.4)
     """
-    at_the_noise = AT_THE_NOISE**2 * n_values
-    return at_the_noise if best <= at_the_noise else 3.0 * best
+    return AT_THE_NOISE**2 * n_values if is_at_noise(best, n_values) else 3.0 * best

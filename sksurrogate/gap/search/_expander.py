@@ -17,7 +17,7 @@ from sksurrogate._parallel._parallel_map import side_by_side
 from sksurrogate._printed import silent_in_worker
 from sksurrogate.effects._effect import BaseEffect, HiddenEffect
 from sksurrogate.exceptions import SurrogateError
-from sksurrogate.gap.fit._closeness import AT_THE_NOISE, FAR_BY_COST, OUT_OF_SIGHT
+from sksurrogate.gap.fit._closeness import AT_THE_NOISE, FAR_BY_COST, OUT_OF_SIGHT, is_at_noise
 from sksurrogate.gap.fit._ode import Numerics, OdeBackend, OdeCandidate
 from sksurrogate.gap.fit._prior import price_of_step
 from sksurrogate.gap.screen._pairs import beside, best_pairs
@@ -257,9 +257,9 @@ class Expander(SetSearch[OdeCandidate]):
             first = [cheapest(list(islice(tries, len(starts)))) for starts in chosen[:n]]
             costs = [np.inf if candidate is None else candidate.fit.cost for candidate in first]
             best = min([best, *costs])
-            expected = [least_left(starts) for starts, cost in zip(chosen, costs) if self.is_at_noise(cost)]
+            expected = [least_left(starts) for starts, cost in zip(chosen, costs) if is_at_noise(cost, self.n_values)]
             most = max([FAR_BY_COST * self.n_values, *(AS_NEAR * left for left in expected)])
-            others = [one for one in chosen[n:] if not self.is_at_noise(best) or may_lead_near(one, most)]
+            others = [one for one in chosen[n:] if not is_at_noise(best, self.n_values) or may_lead_near(one, most)]
             found = [*first, *self.fit_apart(base, others, best)]
             return [candidate for candidate in found if candidate is not None]
         n = max(1, len(chosen) // 8)
@@ -269,10 +269,6 @@ class Expander(SetSearch[OdeCandidate]):
         messages = [one for part in parts for one in part]
         added_one = [self.from_message(base, [starts[0].effect], one) for starts, one in zip(chosen, messages)]
         return [candidate for candidate in added_one if candidate is not None]
-
-    def is_at_noise(self, cost: float) -> bool:
-        """Whether a fit leaves no more than the noise."""
-        return cost <= AT_THE_NOISE**2 * self.n_values
 
     def fit_apart(self, base: OdeCandidate, chosen: Sequence[list[Start]], best: float) -> list[OdeCandidate | None]:
         """Fits that know nothing of each other, in two processes."""
