@@ -154,6 +154,13 @@ class OdeCandidate(BaseCandidate):
     def refitted(self, record: Record) -> OdeCandidate | None:
         return replace(self.problem, record=record).fit(self.effects, self.fit.theta, self.fit.x, settled=True)
 
+    def resumed(
+        self, problem: OdeBackend, theta: np.ndarray | None = None, max_steps: int = REFIT_STEPS
+    ) -> OdeCandidate | None:
+        """Its fit continued in a problem of the same runs, from these values of the parameters or its own."""
+        theta = self.fit.theta if theta is None else theta
+        return problem.fit(self.effects, theta, self.fit.x, open_steps=0, max_steps=max_steps, settled=True)
+
     def left_out(self, record: Record, train: np.ndarray, test: np.ndarray) -> np.ndarray | None:
         problem, theta = replace(self.problem, record=record), self.fit.theta
         with np.errstate(all="ignore"):
@@ -186,9 +193,7 @@ class OdeCandidate(BaseCandidate):
         """How far the parameters move when the steps are halved and kinks made sharper."""
         problem, numerics, theta = self.problem, self.problem.numerics, self.fit.theta
         finer = problem.at(numerics.finer(2 * numerics.n_sub, 2 * numerics.sharpness))
-        fits = [
-            at.fit(self.effects, theta, self.fit.x, open_steps=0, settled=True, max_steps=6) for at in (finer, problem)
-        ]
+        fits = [self.resumed(at, max_steps=6) for at in (finer, problem)]
         if fits[0] is None or fits[1] is None:
             return np.zeros(len(theta))
         return np.abs(fits[0].fit.theta - fits[1].fit.theta)

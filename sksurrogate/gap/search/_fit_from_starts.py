@@ -100,9 +100,7 @@ def fit_last(
         tries.append(problem.fit(effects, theta, run, open_steps=0))
         return cheapest(tries)
     soft = problem.at(replace(problem.numerics, sharpness=SOFT)).fit(effects, theta, run, open_steps=0, max_steps=8)
-    if soft is None:
-        return None
-    return problem.fit(effects, soft.fit.theta, soft.fit.x, open_steps=0, max_steps=12, settled=True)
+    return soft and soft.resumed(problem, max_steps=12)
 
 
 def fit_limit(

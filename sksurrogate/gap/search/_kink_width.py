@@ -10,7 +10,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from sksurrogate.gap.fit._ode import REFIT_STEPS, Numerics, OdeCandidate
+from sksurrogate.gap.fit._ode import Numerics, OdeCandidate
 from sksurrogate.gap.search._base import CORRELATED
 
 #: Sharpness (size of a variable over the width of its kinks) of wider kinks, one after the other. Wider than a third of the size a
@@ -85,9 +85,9 @@ def may_be_rounded(candidate: OdeCandidate) -> bool:
 def with_width(candidate: OdeCandidate, sharpness: float) -> OdeCandidate | None:
     """A set fitted with another width of its kinks; the set itself where the width moves nothing."""
     at = candidate.problem.at(Numerics(candidate.problem.numerics.n_sub, sharpness, rounded=True))
-    effects, theta, x = candidate.effects, candidate.fit.theta, candidate.fit.x
+    theta, x = candidate.fit.theta[:, None], candidate.fit.x[:, None]
     with np.errstate(all="ignore"):
-        before, after = (one.bind(theta[:, None])(x[:, None]) for one in (candidate.model, at.augmented(effects)))
+        before, after = (one.bind(theta)(x) for one in (candidate.model, at.augmented(candidate.effects)))
     if np.array_equal(before, after, equal_nan=True):
         return candidate
-    return at.fit(effects, theta, x, open_steps=0, max_steps=REFIT_STEPS, settled=True)
+    return candidate.resumed(at)

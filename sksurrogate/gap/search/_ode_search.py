@@ -12,7 +12,7 @@ from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.effects._whole_step import has_own_steps
 from sksurrogate.gap.fit._closeness import MOST_LEFT, SETTLED
 from sksurrogate.gap.fit._evidence import Evidence, follow_null
-from sksurrogate.gap.fit._ode import FIT_STEPS, REFIT_STEPS, OdeBackend, OdeCandidate
+from sksurrogate.gap.fit._ode import FIT_STEPS, OdeCandidate
 from sksurrogate.gap.fit._prior import prior_cost
 from sksurrogate.gap.fit._probe import probe_of
 from sksurrogate.gap.screen._screen import screen
@@ -141,7 +141,8 @@ class OdeSearch(Expander):
 
     def refined(self, candidate: OdeCandidate) -> OdeCandidate:
         """Fitted to the end, with kinks as wide as the plant's, and steps shorter and kinks sharper where that matters."""
-        best = self.again(candidate.problem, candidate, FIT_STEPS) if not candidate.fit.converged else candidate
+        done = candidate.fit.converged
+        best = candidate if done else candidate.resumed(candidate.problem, max_steps=FIT_STEPS) or candidate
         best = best if self.is_far(best) else restarted(best)
         best = rounded(best, self.threshold(1)) if best.fit.cost < self.most_left_cost else best
         for n_sub, sharpness in FINER:
@@ -149,7 +150,7 @@ class OdeSearch(Expander):
             finer = best.problem.at(own.finer(max(n_sub, 2 * own.n_sub), sharpness))
             if not numerics_matter(finer, best):
                 break
-            fitted = finer.fit(best.effects, best.fit.theta, best.fit.x, open_steps=0, settled=True)
+            fitted = best.resumed(finer, max_steps=FIT_STEPS)
             if fitted is None or fitted.fit.cost > best.fit.cost + 2.0:
                 break
             best = fitted
@@ -186,7 +187,7 @@ class OdeSearch(Expander):
         same_numerics = self.searching(base).numerics == fine.numerics
         reach = min([final.fit.cost, *mine]) if same_numerics else max([final.fit.cost, *mine])
         near = [candidate for candidate in candidates if candidate.fit.cost <= 1.5 * reach + 50.0 * EQUAL]
-        return near if same_numerics else [self.again(fine, candidate) for candidate in near]
+        return near if same_numerics else [candidate.resumed(fine) or candidate for candidate in near]
 
     @staticmethod
     def with_onset(
@@ -198,9 +199,3 @@ class OdeSearch(Expander):
             named.problem.fit((*base.effects, one), base.theta_with(theta), x, open_steps=0) for one, theta in twins
         ]
         return [candidate for candidate in tries if candidate is not None]
-
-    @staticmethod
-    def again(problem: OdeBackend, candidate: OdeCandidate, max_steps: int = REFIT_STEPS) -> OdeCandidate:
-        """A candidate whose fit goes on, with these numerics."""
-        theta, x = candidate.fit.theta, candidate.fit.x
-        return problem.fit(candidate.effects, theta, x, open_steps=0, max_steps=max_steps, settled=True) or candidate

@@ -26,9 +26,7 @@ def line_searched(candidate: OdeCandidate, i: int = -1) -> OdeCandidate:
     for _ in range(3):
         before = candidate.fit.cost
         for theta in better_values(candidate, i):
-            other = candidate.problem.fit(
-                candidate.effects, theta, candidate.fit.x, open_steps=0, max_steps=6, settled=True
-            )
+            other = candidate.resumed(candidate.problem, theta, max_steps=6)
             if other is not None and other.fit.cost < candidate.fit.cost:
                 candidate = other
         if candidate.fit.cost > before - WORTH_A_FIT:
