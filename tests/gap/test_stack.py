@@ -154,13 +154,14 @@ def test_a_set_grows_on_from_the_form_that_leads_to_the_noise(monkeypatch, leads
         judged={rich: SimpleNamespace(left=20.0, fit=rich.fit)},
         fitted={frozenset((one.name, "other")): one for one in (rich, simple, lean, poor)},
         plausible=lambda one: True,
+        gap_cost=100.0,
         tolerated_cost=10.0,
+        polish=lambda one: one,
         leads_on=lambda one, n: one.name == leads,
         may_be_named=lambda one: True,
         stand=lambda one: stood.append(one.name) or one,
         one_more=lambda one, passed: asked.append(one.name),
     )
-    monkeypatch.setattr(_set_search, "fewest_parameters", lambda search, best: simple)
     monkeypatch.setattr(_set_search, "reformed", lambda search, best: None)
     _set_search.SetSearch.grow(search, rich, True, None)
     assert stood == [grown or "simple"]

@@ -12,8 +12,6 @@ from sksurrogate.gap.search._set_moves import SetMoves
 #: Sets with a relative of an effect that are searched once more; such a set takes the place of another with less than this
 #: share of its cost.
 MOST_REFORMED, REFORMED = 2, 0.5
-#: Sets with fewer parameters that are asked whether they lead to the noise.
-MOST_LEANER = 2
 
 
 def simplify(search: SetMoves[C], candidate: C, far: bool = False) -> C:
@@ -40,32 +38,17 @@ def simplify(search: SetMoves[C], candidate: C, far: bool = False) -> C:
     return candidate
 
 
-def fewest_parameters(search: SetMoves[C], best: C) -> C:
-    """Of the sets of as many effects that leave hardly more of the gap the nearest with the fewest parameters."""
-    most = hardly_more(best.fit.cost, search.gap_cost)
-    others = [
-        candidate
-        for keys, candidate in search.fitted.items()
-        if len(keys) == len(best.effects) and candidate.fit.cost < most and search.plausible(candidate)
-    ]
-    least = min([best, *others], key=lambda candidate: (candidate.n_parameters, candidate.fit.cost))
-    return search.polish(least) if least.n_parameters < best.n_parameters else best
-
-
-def leaner(search: SetMoves[C], best: C) -> list[C]:
-    """Sets of as many effects with fewer parameters that close the gap up to the tolerance too, the fewest first.
-
-    A flexible form follows a part of what another effect does, and leaves less than the right forms do until that one is beside them.
-    """
+def with_fewer_parameters(search: SetMoves[C], best: C, most: float) -> list[C]:
+    """Sets of as many effects with fewer parameters that leave a cost below ``most``, the fewest first."""
     others = [
         candidate
         for keys, candidate in search.fitted.items()
         if len(keys) == len(best.effects)
         and candidate.n_parameters < best.n_parameters
-        and candidate.fit.cost < search.tolerated_cost
+        and candidate.fit.cost < most
         and search.plausible(candidate)
     ]
-    return sorted(others, key=lambda candidate: (candidate.n_parameters, candidate.fit.cost))[:MOST_LEANER]
+    return sorted(others, key=lambda candidate: (candidate.n_parameters, candidate.fit.cost))
 
 
 def reformed(search: SetMoves[C], candidate: C) -> C | None:

@@ -16,7 +16,8 @@ from sksurrogate.gap.fit._closeness import AT_THE_NOISE, FAR, FAR_BY_COST, NEARL
 from sksurrogate.gap.fit._evidence import CERTAIN, C, Evidence, arrived, estimate_noise, follow_null
 from sksurrogate.gap.fit._prior import moved_far
 from sksurrogate.gap.search._base import CORRELATED, Wanted
-from sksurrogate.gap.search._related_forms import fewest_parameters, leaner, reformed, simplify
+from sksurrogate.gap.search._nested import hardly_more
+from sksurrogate.gap.search._related_forms import reformed, simplify, with_fewer_parameters
 from sksurrogate.gap.search._set_moves import SetMoves
 from sksurrogate.gap.search._stopping import closes_by_size, grows_in_vain
 
@@ -33,6 +34,8 @@ AS_NEAR = 2.0
 COMES_BACK = 0.9
 #: Errors with a cosine above this are those of one law.
 ALIKE = 0.9
+#: Sets with fewer parameters that are asked whether they lead to the noise.
+MOST_LEANER = 2
 #: Most effects named at once.
 MOST_EFFECTS = 4
 
@@ -74,10 +77,12 @@ class SetSearch(SetMoves[C]):
         while len(best.effects) < MOST_EFFECTS:
             far = passed and len(best.effects) > 1 and self.is_far(best)
             if far and closes_by_size(self.judged[best], self.tolerated_cost):
-                # Of one name a second may show that it was the wrong one.
-                fewest, n = fewest_parameters(self, best), MOST_EFFECTS - len(best.effects)
-                sets = dict.fromkeys((fewest, best, *leaner(self, best)))
-                leading = next((one for one in sets if self.leads_on(one, n)), None)
+                # Of one name a second may show that it was the wrong one. A flexible form follows a part of what another effect does,
+                # and leaves less than the right forms do until that one is beside them.
+                as_near = with_fewer_parameters(self, best, hardly_more(best.fit.cost, self.gap_cost))
+                fewest, n = self.polish(as_near[0]) if as_near else best, MOST_EFFECTS - len(best.effects)
+                leaner = with_fewer_parameters(self, best, self.tolerated_cost)[:MOST_LEANER]
+                leading = next((one for one in dict.fromkeys((fewest, best, *leaner)) if self.leads_on(one, n)), None)
                 best = self.stand(leading or fewest)
                 if leading is None:
                     break
