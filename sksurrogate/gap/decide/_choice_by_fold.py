@@ -9,10 +9,10 @@ import numpy as np
 
 from sksurrogate.gap.decide._equivalence import EquivalenceClass
 from sksurrogate.gap.fit._backend import BaseCandidate
-from sksurrogate.gap.fit._evidence import C, Evidence, evidence_threshold, judged_under
+from sksurrogate.gap.fit._evidence import C, Evidence, evidence_threshold, gain_by_size, judged_under
 from sksurrogate.gap.fit._linear_set import linear_set
 from sksurrogate.gap.fit._record_parts import blocked, run_folds
-from sksurrogate.gap.search._base import CORRELATED, BaseSearch
+from sksurrogate.gap.search._base import BaseSearch
 from sksurrogate.kernels.disturbance import Noise
 
 #: Candidates that are compared again in every fold, the best on all runs.
@@ -37,9 +37,9 @@ class ByRun:
         return self.likelihood(G, log_det) - 0.5 * self.prior
 
     def worth(self, kept: np.ndarray, n_values: int, by_size: bool) -> float:
-        """Evidence of the runs kept; ``by_size`` that of white errors with one value in ten independent."""
+        """Evidence of the runs kept; ``by_size`` that of white errors."""
         value = self.evidence(kept)
-        return -0.5 * n_values / CORRELATED * float(np.log(max(-2.0 * value, 1e-300))) if by_size else value
+        return -gain_by_size(n_values, max(-2.0 * value, 1e-300)) if by_size else value
 
 
 def by_run(candidate: BaseCandidate, noises: Sequence[Noise], starts: np.ndarray, by_size: bool, prior: float) -> ByRun:

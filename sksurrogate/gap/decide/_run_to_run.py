@@ -10,8 +10,8 @@ import numpy as np
 from sksurrogate.gap.decide._choice_by_fold import by_run
 from sksurrogate.gap.fit._backend import BaseCandidate
 from sksurrogate.gap.fit._closeness import MOST_LEFT, NEARLY_WHITE
-from sksurrogate.gap.fit._evidence import CERTAIN, C, Evidence
-from sksurrogate.gap.search._base import CORRELATED, BaseSearch
+from sksurrogate.gap.fit._evidence import CERTAIN, C, Evidence, gain_by_size
+from sksurrogate.gap.search._base import BaseSearch
 from sksurrogate.kernels.linear_fit import linear_least_squares
 from sksurrogate.kernels.run_columns import UNSEEN
 
@@ -43,7 +43,7 @@ def run_to_run(search: BaseSearch[C], final: Evidence[C]) -> RunToRun | None:
     for candidate in candidates:
         rest, steps = fitted_by_run(_white_grams(candidate, record.starts))
         price = 0.5 * steps.size * np.log(record.n_values)
-        gain = 0.5 * record.n_values / CORRELATED * np.log(left / max(rest, 1e-300)) - price
+        gain = gain_by_size(record.n_values, left / max(rest, 1e-300)) - price
         if gain > worth and rest < MOST_LEFT**2 * left:
             effect, first = candidate.effects[0], candidate.slice_of(0).start
             sizes = tuple(float(candidate.fit.theta[first] + step) for step in steps[:, first])

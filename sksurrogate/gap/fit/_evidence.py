@@ -15,6 +15,7 @@ from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.gap.fit._backend import BaseCandidate, C, Fitted
 from sksurrogate.gap.fit._closeness import AT_THE_NOISE
 from sksurrogate.gap.fit._linear_set import linear_set
+from sksurrogate.gap.fit._pushes import REMEMBERED
 from sksurrogate.kernels.disturbance import Noise
 
 #: A second start is followed where it is likelier than the first by this much: in less, both led to one top.
@@ -68,6 +69,11 @@ class Evidence(Generic[C]):
 def evidence_threshold(n_parameters: int, n_candidates: int, n_values: int) -> float:
     """What 2 (L_candidate - L_null) must exceed: ``k ln N + 2 ln M``."""
     return n_parameters * np.log(n_values) + 2.0 * np.log(max(n_candidates, 1))
+
+
+def gain_by_size(n_values: int, ratio: float) -> float:
+    """Log likelihood that white errors gain whose squares fall by a ratio, one in :data:`REMEMBERED` values being independent."""
+    return 0.5 * n_values / REMEMBERED * float(np.log(ratio))
 
 
 def judged_under(candidate: C, noises: Sequence[Noise]) -> Evidence[C]:

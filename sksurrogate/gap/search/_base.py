@@ -14,9 +14,16 @@ from sksurrogate._parallel._worker_process import WorkerProcess
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.gap.fit._backend import Backend
 from sksurrogate.gap.fit._closeness import FAR_BY_COST, MOST_LEFT
-from sksurrogate.gap.fit._evidence import FEW_STEPS, C, Evidence, estimate_noise, evidence_threshold, judged_under
+from sksurrogate.gap.fit._evidence import (
+    FEW_STEPS,
+    C,
+    Evidence,
+    estimate_noise,
+    evidence_threshold,
+    gain_by_size,
+    judged_under,
+)
 from sksurrogate.gap.fit._prior import retuning_cost
-from sksurrogate.gap.fit._pushes import REMEMBERED
 from sksurrogate.gap.results._next_experiment import NATS_THAT_SETTLE
 from sksurrogate.kernels.disturbance import Noise
 
@@ -24,8 +31,6 @@ from sksurrogate.kernels.disturbance import Noise
 EQUAL = 2.0 * NATS_THAT_SETTLE
 #: Fits that are compared when the time is up.
 LOOKED_AT = 6
-#: Samples of a structural error that count as one: as of a disturbance.
-CORRELATED = REMEMBERED
 
 
 @dataclass(frozen=True, eq=False)
@@ -216,13 +221,12 @@ class BaseSearch(ABC, Generic[C]):
         return self.evidence(candidate) - 0.5 * candidate.n_parameters * np.log(self.n_values)
 
     def size_score(self, candidate: C) -> float:
-        """Evidence by size: white errors with one independent value in :data:`CORRELATED`, less ``k/2 ln N``.
+        """Evidence by size, less ``k/2 ln N``.
 
         Far from the data no noise model holds, and the force that it allows would hide which candidate comes nearer.
         """
-        return -0.5 * self.n_values / CORRELATED * np.log(candidate.fit.cost) - 0.5 * candidate.n_parameters * np.log(
-            self.n_values
-        )
+        price = 0.5 * candidate.n_parameters * np.log(self.n_values)
+        return -gain_by_size(self.n_values, candidate.fit.cost) - price
 
     def order(self, candidates: Sequence[C]) -> Callable[[C], float]:
         """By size where all are far from the data, by likelihood where one comes near."""

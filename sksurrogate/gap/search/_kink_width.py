@@ -10,8 +10,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from sksurrogate.gap.fit._evidence import gain_by_size
 from sksurrogate.gap.fit._ode import Numerics, OdeCandidate
-from sksurrogate.gap.search._base import CORRELATED
 
 #: Sharpness (size of a variable over the width of its kinks) of wider kinks, one after the other. Wider than a third of the size a
 #: friction is no longer told from a loss that is proportional to the speed.
@@ -36,7 +36,7 @@ def rounded(candidate: OdeCandidate, price: float) -> OdeCandidate:
         if tried[sharpness].fit.cost > nearest.fit.cost - HARDLY_NEARER:
             break
     best = _nearest(tried)
-    gain = candidate.problem.record.n_values / CORRELATED * float(np.log(candidate.fit.cost / best.fit.cost))
+    gain = 2.0 * gain_by_size(candidate.problem.record.n_values, candidate.fit.cost / best.fit.cost)
     return best if gain > (0.0 if candidate.problem.numerics.rounded else price) else candidate
 
 

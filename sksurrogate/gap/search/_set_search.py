@@ -13,9 +13,9 @@ import numpy as np
 from sksurrogate.gap.fit._backend import BaseCandidate
 from sksurrogate.gap.fit._closed_loop import may_follow_noise
 from sksurrogate.gap.fit._closeness import AT_THE_NOISE, FAR, FAR_BY_COST, NEARLY_WHITE, SETTLED
-from sksurrogate.gap.fit._evidence import CERTAIN, C, Evidence, arrived, estimate_noise, follow_null
+from sksurrogate.gap.fit._evidence import CERTAIN, C, Evidence, arrived, estimate_noise, follow_null, gain_by_size
 from sksurrogate.gap.fit._prior import moved_far
-from sksurrogate.gap.search._base import CORRELATED, Wanted
+from sksurrogate.gap.search._base import Wanted
 from sksurrogate.gap.search._nested import hardly_more
 from sksurrogate.gap.search._related_forms import reformed, simplify, with_fewer_parameters
 from sksurrogate.gap.search._set_moves import SetMoves
@@ -193,7 +193,7 @@ class SetSearch(SetMoves[C]):
             return False
         extra = 2.0 * (self.evidence(candidate) - self.evidence(best))
         if self.is_far(candidate):
-            extra = self.n_values / CORRELATED * float(np.log(best.fit.cost / candidate.fit.cost))
+            extra = 2.0 * gain_by_size(self.n_values, best.fit.cost / candidate.fit.cost)
         return extra > self.needed_gain(candidate.n_parameters - best.n_parameters)
 
     def needed_gain(self, k: int) -> float:
