@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -32,33 +33,7 @@ class Column:
     through: np.ndarray  #: (n_unseen, n_outputs, n_samples): what unseen initial states do through it
 
 
-def candidate_columns(
-    s: Responses,
-    candidates: Sequence[BaseEffect],
-    shape: tuple[float, ...],
-    chosen: Shortlist | None,
-    second: WorkerProcess | None,
-) -> list[Column]:
-    """All candidates at all their starting values, those with one shape, or those of a short list.
-
-    ``s``: the linearisation of the base.
-    ``shape``: second and further parameters, where they are known, instead of those of the starting values.
-    ``chosen``: starting values by the effect's key.
-    ``second``: another process.
-    """
-    at_starts = _AtStarts(s, shape, chosen, Unseen(s), Slopes(s))
-    found = side_by_side(at_starts.of, candidates, second)
-    for effect in [effect for effect, columns in zip(candidates, found) if columns is None]:
-        at_starts.ask_why(effect)
-    return [
-        Column(effect, theta, column, hidden, evident, through)
-        for effect, columns in zip(candidates, found)
-        for theta, column, hidden, evident, through in columns or ()
-    ]
-
-
-#: Starting value, change of the outputs, hidden states, whether evident, what unseen initial states do: what travels
-#: between processes.
+#: A column but its effect: what travels between processes.
 _Message = tuple[np.ndarray, np.ndarray, np.ndarray | None, bool, np.ndarray]
 
 
@@ -72,14 +47,31 @@ def largest(change: np.ndarray, sd: np.ndarray) -> np.ndarray:
 
 
 @dataclass(frozen=True, eq=False)
-class _AtStarts:
-    """One candidate at its starting values."""
+class CandidateColumns:
+    """Candidates at all their starting values, those with one shape, or those of a short list."""
 
-    s: Responses
-    shape: tuple[float, ...]
-    chosen: Shortlist | None
-    unseen: Unseen
-    slopes: Slopes
+    s: Responses  #: The linearisation of the base
+    shape: tuple[
+        float, ...
+    ]  #: Second and further parameters, where they are known, instead of those of the starting values
+    chosen: Shortlist | None  #: Starting values by the effect's key
+
+    @cached_property
+    def unseen(self) -> Unseen:
+        """Initial states that the base does not show."""
+        return Unseen(self.s)
+
+    @cached_property
+    def slopes(self) -> Slopes:
+        """Slopes of the log likelihood in the signals."""
+        return Slopes(self.s)
+
+    def of_all(self, candidates: Sequence[BaseEffect], second: WorkerProcess | None) -> list[Column]:
+        """The columns of several candidates, with another process where there is one."""
+        found = side_by_side(self.of, candidates, second)
+        for effect in [effect for effect, columns in zip(candidates, found) if columns is None]:
+            self.ask_why(effect)
+        return [Column(effect, *message) for effect, columns in zip(candidates, found) for message in columns or ()]
 
     def of(self, effect: BaseEffect) -> list[_Message] | None:
         """Its columns; None where the model has no number for any."""

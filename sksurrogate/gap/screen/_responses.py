@@ -22,6 +22,7 @@ from sksurrogate.effects._limit import in_force
 from sksurrogate.effects._model import AugmentedModel
 from sksurrogate.effects._onset import Starting
 from sksurrogate.effects._parameter import ParameterError, ParameterStep, constant_in_time
+from sksurrogate.gap.fit._normal_equations import project_starts
 from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.fit._pushes import a_sample_later
 from sksurrogate.gap.screen._held_forces import HeldForce, following
@@ -64,15 +65,20 @@ class Responses:
         self.errors: dict[str, np.ndarray] = {}
 
     @cached_property
+    def J_x(self) -> np.ndarray:
+        """Sensitivities of the free initial states over the noise, (n_outputs, n_states, n_samples)."""
+        return np.asarray(self.lin.J_x[:, self.base.model.free_states] / self.problem.sd[:, None, None])
+
+    @cached_property
     def known(self) -> np.ndarray:
         """Residual and sensitivities of the fitted parameters over the noise, (1 + n_theta, n_outputs, n_samples)."""
         r = self.problem.record.residual(self.lin.y)[None]
         return np.concatenate([r, self.lin.J_theta.transpose(1, 0, 2)]) / self.problem.sd[None, :, None]
 
     @cached_property
-    def J_x(self) -> np.ndarray:
-        """Sensitivities of the free initial states over the noise, (n_outputs, n_states, n_samples)."""
-        return np.asarray(self.lin.J_x[:, self.base.model.free_states] / self.problem.sd[:, None, None])
+    def white(self) -> np.ndarray:
+        """The same with the initial states taken out."""
+        return project_starts(self.known, self.J_x, self.problem.record.starts)
 
     @cached_property
     def along(self) -> tuple[tuple[HeldForce, ...], np.ndarray]:

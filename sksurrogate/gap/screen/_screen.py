@@ -18,12 +18,11 @@ from sksurrogate.gap.fit._normal_equations import (
     eliminate,
     eliminate_rows,
     inverse,
-    project_starts,
     scores,
     start_coordinates,
 )
 from sksurrogate.gap.fit._ode import OdeCandidate
-from sksurrogate.gap.screen._candidate_columns import Column, candidate_columns
+from sksurrogate.gap.screen._candidate_columns import CandidateColumns, Column
 from sksurrogate.gap.screen._left_by_several import left_by_several
 from sksurrogate.gap.screen._responses import Responses
 from sksurrogate.gap.screen._shortlist import shortlist
@@ -133,7 +132,8 @@ def screen(
         at_once = len(candidates) if chosen is not None else _at_once(s)
         parts = [candidates[a : a + at_once] for a in range(0, len(candidates), max(at_once, 1))]
         most = max(int(MOST_NUMBERS_KEPT / len(candidates) / s.known[0].size), 1) if len(parts) > 1 else None
-        columns = (candidate_columns(s, part, shape, chosen, second) for part in parts)
+        asked = CandidateColumns(s, shape, chosen)
+        columns = (asked.of_all(part, second) for part in parts)
         return _joined_blocks(s, [_block(s, some, noise, most) for some in columns if some])
 
 
@@ -165,7 +165,7 @@ class _Block:
 
 def _block(s: Responses, columns: list[Column], noise: Noise | None, most: int | None = None) -> _Block:
     """Candidates by their columns, which are taken over; of many only the ``most`` best starting values of each effect."""
-    problem, known, J_x, few = s.problem, s.known, s.J_x, len(s.known)
+    problem, known, few = s.problem, s.known, len(s.known)
     low, high = _range(columns)
     precision, pull = s.base.step_prior
     whole = np.empty((few + len(columns), *known.shape[1:]))
@@ -173,8 +173,8 @@ def _block(s: Responses, columns: list[Column], noise: Noise | None, most: int |
     for k, row in enumerate(whole[few:]):  # one copy of them: those that came are let go
         columns[k] = replace(columns[k], column=np.divide(columns[k].column, problem.sd[:, None], out=row))
     # Known columns are projected, of the others only the Gram: a difference that may round to less than nothing.
-    white = project_starts(known, J_x, problem.record.starts).reshape(few, -1)
-    flat, moved = whole[few:].reshape(len(columns), -1), start_coordinates(whole[few:], J_x, problem.record.starts)
+    white = s.white.reshape(few, -1)
+    flat, moved = whole[few:].reshape(len(columns), -1), start_coordinates(whole[few:], s.J_x, problem.record.starts)
     size = np.einsum("kn,kn->k", flat, flat)
     rows = np.concatenate([white @ white.T, white @ flat.T], axis=1)
     power = np.maximum(size - np.einsum("kn,kn->k", moved, moved), LOST_TO_ROUNDING * size)
@@ -221,7 +221,7 @@ def _joined_blocks(s: Responses, blocks: list[_Block]) -> Screen:
     if not blocks:
         return Screen([], None, *rest, *2 * (np.zeros(0),), np.full(1 + MOST_TOGETHER, base.fit.cost))
     few = len(known)
-    white = project_starts(known, s.J_x, s.problem.record.starts).reshape(few, -1)
+    white = s.white.reshape(few, -1)
     G = white @ white.T
     known_inverse = inverse(G[1:, 1:] + np.diag(precision))
     g, h, low, high = (np.concatenate([getattr(one, name) for one in blocks]) for name in ("g", "h", "low", "high"))

@@ -8,7 +8,7 @@ from typing import TypeAlias
 import numpy as np
 
 from sksurrogate.effects._effect import BaseEffect
-from sksurrogate.gap.fit._normal_equations import eliminate_rows, project_starts, scores, start_bases
+from sksurrogate.gap.fit._normal_equations import eliminate_rows, scores, start_bases
 from sksurrogate.gap.screen._responses import Responses
 
 #: Starting values by the effect's key.
@@ -37,7 +37,7 @@ def shortlist(
     starts, lin = s.problem.record.starts, s.lin
     if not (np.isfinite(lin.J_theta).all() and np.isfinite(lin.J_x).all() and np.isfinite(lin.y).all()):
         return {}
-    few = project_starts(s.known, s.J_x, starts).reshape(len(s.known), -1)
+    few = s.white.reshape(len(s.white), -1)
     flat = columns.reshape(len(columns), -1)
     rows = np.concatenate([few @ few.T, (flat @ few.astype(np.float32).T).T.astype(float)], axis=1)
     size = np.einsum("kn,kn->k", flat, flat, dtype=float)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from sksurrogate.effects._input import InputBias
-from sksurrogate.gap.fit._normal_equations import project_starts, unexplained
+from sksurrogate.gap.fit._normal_equations import unexplained
 from sksurrogate.gap.fit._pushes import pushed_input
 from sksurrogate.gap.screen._responses import Responses
 from sksurrogate.kernels.banded import solve_adjoint
@@ -23,10 +23,9 @@ class Slopes:
         with np.errstate(all="ignore"):
             self.finite = bool(np.isfinite(s.known).all() and np.isfinite(s.J_x).all())
         if self.finite:
-            rest = project_starts(s.known, s.J_x, problem.record.starts)
-            flat = rest.reshape(len(rest), rest[0].size).T
+            flat = s.white.reshape(len(s.white), s.white[0].size).T
             r, W = flat[:, 0], flat[:, 1:] / np.maximum(np.linalg.norm(flat[:, 1:], axis=0), 1e-300)
-            self.residual = unexplained(W, r).reshape(rest[0].shape) / problem.sd[:, None]
+            self.residual = unexplained(W, r).reshape(s.white[0].shape) / problem.sd[:, None]
 
     def of(self, kind: str, place: str) -> tuple[np.ndarray, np.ndarray] | None:
         """An ``"input"`` or a predicted ``"output"`` and the slope in it (n_samples,); None elsewhere, or where none is finite."""

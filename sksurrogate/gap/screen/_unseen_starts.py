@@ -63,9 +63,8 @@ def score_beside(s: Responses, column: np.ndarray, through: np.ndarray, low: flo
     through its effect (n_unseen, n_outputs, n_samples), both over the noise."""
     starts, (precision, pull) = s.problem.record.starts, s.base.step_prior
     stack = np.concatenate([s.known, column[None]])
-    total = project_starts(stack[:-1], s.J_x, starts)
     both = np.concatenate([s.J_x, through.transpose(1, 0, 2)], axis=1)
-    flat, before = (part.reshape(len(part), -1) for part in (project_starts(stack, both, starts), total))
+    flat, before = (part.reshape(len(part), -1) for part in (project_starts(stack, both, starts), s.white))
     rest, whole = (eliminate(part @ part.T, len(precision), precision, pull) for part in (flat, before))
     drop, amplitude = scores(rest[:1, 1], rest[1:, 1], np.array([low]), np.array([high]))
     return float(whole[0, 0] - rest[0, 0] + drop[0]), float(amplitude[0])
