@@ -139,6 +139,7 @@ class AsymmetricFriction(_DryFriction):
     equation = "- c sign(v) - c2"
     signature = "a square wave with the sign of v about a mean that is not zero"
     twins = ("coulomb_friction", "constant_bias", "stribeck_friction")
+    nests = ("coulomb_friction",)
 
     def term(self, t: Any, x: np.ndarray, v: Any, theta: Sequence[Any], width: float) -> Any:
         return -theta[0] * sign(v, width) - theta[1]
@@ -162,6 +163,7 @@ class StribeckFriction(BalanceEffect):
     equation = "- (c + (cs - c) exp(-(v/vs)^2)) sign(v)"
     signature = "stick and slip at reversals; less friction once it moves"
     twins = ("coulomb_friction", "asymmetric_friction", "lugre_friction")
+    nests = ("coulomb_friction",)
     linear = False
 
     def term(self, t: Any, x: np.ndarray, v: Any, theta: Sequence[Any], width: float) -> Any:
@@ -252,6 +254,7 @@ class PowerLaw(BalanceEffect):
     equation = "- c sign(v) abs(v)^m (times w for v*w)"
     signature = "a loss that is not a straight line in the level: kinetics, valves, natural convection"
     twins = ("linear_loss", "sqrt_leak", "quadratic_loss", "bilinear", "parameter_error")
+    nests = ("linear_loss", "quadratic_loss", "quadratic_drag", "cubic_stiffness", "sqrt_leak")
 
     def term(self, t: Any, x: np.ndarray, v: Any, theta: Sequence[Any], width: float) -> Any:
         """``- c sign(v) |v|^m``, times w where there are two signals."""
@@ -340,6 +343,7 @@ class EndStop(BalanceEffect):
     equation = "- c max(v - edge, 0)"
     signature = "one-sided pushes where v is largest, nothing elsewhere"
     twins = ("cubic_stiffness", "state_saturation", "quadratic_loss")
+    nests = ("state_saturation",)
 
     def term(self, t: Any, x: np.ndarray, v: Any, theta: Sequence[Any], width: float) -> Any:
         return -theta[0] * np.maximum(v - theta[1], 0.0)

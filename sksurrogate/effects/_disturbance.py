@@ -93,6 +93,7 @@ class StepDisturbance(BalanceEffect):
     equation = "+ c after t0"
     signature = "no residual before one moment, a transient and an offset after it"
     twins = ("constant_bias", "parameter_step", "drift")
+    nests = ("constant_bias",)
 
     def term(self, t: Any, x: np.ndarray, v: Any, theta: Sequence[Any], width: float) -> Any:
         """``c`` after ``t0``."""

@@ -44,6 +44,8 @@ class BaseEffect(PriorOdds, BaseEstimator):
         The form, and its typical residual in words.
     twins : tuple of str
         Effects that often predict the same.
+    nests : tuple of str
+        Simpler effects that are special cases of it.
     access : {"trajectory", "step"}
         Coarsest access to the simulator with which the effect can be tested.
     linear : bool
@@ -67,6 +69,7 @@ class BaseEffect(PriorOdds, BaseEstimator):
     equation: ClassVar[str] = ""
     signature: ClassVar[str] = ""
     twins: ClassVar[tuple[str, ...]] = ()
+    nests: ClassVar[tuple[str, ...]] = ()
     access: ClassVar[str] = "step"
     linear: ClassVar[bool] = True
     order: ClassVar[int] = 0

@@ -33,6 +33,7 @@ class Hysteresis(HiddenEffect):
     equation = "- c z, dz/dt = v' (1 - (abs(z)/limit) (1 + sign(v' z))/2), z(0) = 0"
     signature = "a loop that is the same at any speed; a restoring force that yields"
     twins = ("coulomb_friction", "lugre_friction", "linear_loss", "input_backlash")
+    nests = ("coulomb_friction",)
     linear = True
 
     def rates(
@@ -87,6 +88,7 @@ class LugreFriction(HiddenEffect):
     equation = "- c z, dz/dt = v - c abs(v) z / g(v), g = level + (static_level - level) exp(-(v/velocity)^2)"
     signature = "springy before it slides, dry friction after"
     twins = ("coulomb_friction", "stribeck_friction", "hysteresis")
+    nests = ("coulomb_friction",)
 
     def rates(
         self, z: np.ndarray, t: Any, v: np.ndarray, dv: np.ndarray, theta: Sequence[Any], width: float
@@ -153,6 +155,7 @@ class HiddenRelaxation(HiddenEffect):
     equation = "- c (v - z), dz/dt = (v - z)/time_constant"
     signature = "a slow tail after every step; fast changes meet more resistance than slow ones"
     twins = ("exchange", "linear_loss", "hidden_mode", "sensor_lag", "input_lag")
+    nests = ("linear_loss",)
     linear = True
 
     def rest(self, v: np.ndarray, theta: Sequence[Any]) -> Sequence[Any]:

@@ -62,6 +62,7 @@ class Overflow(LimitEffect):
     equation = "x <= c; a share of what is cut off is added to dv/dt"
     signature = "flat tops of one state while another rises faster"
     twins = ("state_saturation", "end_stop", "exchange")
+    nests = ("state_saturation",)
 
     @classmethod
     def variables(cls, plant: Plant, location: str) -> Sequence[str | None]:

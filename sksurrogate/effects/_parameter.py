@@ -119,6 +119,7 @@ class ParameterStep(ParameterEffect):
     equation = "p (1 + c) after t0"
     signature = "no residual before the jump; afterwards that of a wrong parameter"
     twins = ("step_disturbance", "parameter_error", "parameter_drift")
+    nests = ("parameter_error",)
     access = "step"
 
     @classmethod

@@ -96,7 +96,7 @@ def test_names_parameters_and_order_are_those_of_the_table():
 
 @EVERY
 def test_declaration_says_what_a_reader_needs(cls):
-    assert cls.equation and cls.signature and set(cls.twins) <= set(CATALOGUE) - {cls.name}
+    assert cls.equation and cls.signature and {*cls.twins, *cls.nests} <= set(CATALOGUE) - {cls.name}
     assert cls.__doc__ and "``" in cls.__doc__
     assert all(p.unit or p.name in ("relative_error", "exponent", "damping") for p in cls.parameters)
     if cls.parameters:

@@ -6,30 +6,6 @@ from collections.abc import Sequence
 
 from sksurrogate.effects._effect import BaseEffect, HiddenEffect
 
-#: A simpler form is named where the richer one removes hardly more than this share of the gap's power.
-HARDLY_ANY = 5e-4
-#: A form that leaves so many times more than is allowed before it is polished leaves too much afterwards.
-UNPOLISHED = 10.0
-
-#: Forms that contain a simpler one.
-NESTED = {
-    "stribeck_friction": ("coulomb_friction",),
-    "asymmetric_friction": ("coulomb_friction",),
-    "lugre_friction": ("coulomb_friction",),
-    "hysteresis": ("coulomb_friction",),
-    "end_stop": ("state_saturation",),
-    "overflow": ("state_saturation",),
-    "power_law": ("linear_loss", "quadratic_loss", "quadratic_drag", "cubic_stiffness", "sqrt_leak"),
-    "parameter_step": ("parameter_error",),
-    "step_disturbance": ("constant_bias",),
-    "hidden_relaxation": ("linear_loss",),
-}
-
-
-def hardly_more(cost: float, gap: float) -> float:
-    """The cost that leaves hardly more than this one of a gap's power."""
-    return cost + HARDLY_ANY * gap
-
 
 def simpler(effect: BaseEffect, name: str, library: Sequence[BaseEffect]) -> list[BaseEffect]:
     """The candidates of a simpler form's name that an effect may come down to."""
@@ -40,7 +16,7 @@ def simpler(effect: BaseEffect, name: str, library: Sequence[BaseEffect]) -> lis
 def richer(effect: BaseEffect, simple: BaseEffect) -> bool:
     """Whether an effect is a richer form of a simple one: at its place, in its variable."""
     same = effect.location == simple.location and simple.variable in (effect.variable, None)
-    return same and simple.name in NESTED.get(effect.name, ())
+    return same and simple.name in effect.nests
 
 
 def related(one: BaseEffect, other: BaseEffect) -> bool:
@@ -64,5 +40,5 @@ def of_one_law(one: BaseEffect, other: BaseEffect) -> bool:
 
 
 def _share_a_form(one: BaseEffect, other: BaseEffect) -> bool:
-    forms = {one.name, *NESTED.get(one.name, ())} & {other.name, *NESTED.get(other.name, ())}
+    forms = {one.name, *one.nests} & {other.name, *other.nests}
     return bool(forms) and one.location == other.location and one.name != other.name

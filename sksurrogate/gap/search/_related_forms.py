@@ -6,12 +6,16 @@ from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.gap.fit._closeness import SETTLED
 from sksurrogate.gap.fit._evidence import C, arrived
 from sksurrogate.gap.search._base import EQUAL, BaseSearch, Wanted
-from sksurrogate.gap.search._nested import NESTED, UNPOLISHED, hardly_more, related, simpler
+from sksurrogate.gap.search._nested import related, simpler
 from sksurrogate.gap.search._set_moves import SetMoves
 
 #: Sets with a relative of an effect that are searched once more; such a set takes the place of another with less than this
 #: share of its cost.
 MOST_REFORMED, REFORMED = 2, 0.5
+#: A simpler form is named where the richer one removes hardly more than this share of the gap's power.
+HARDLY_ANY = 5e-4
+#: A form that leaves so many times more than is allowed before it is polished leaves too much afterwards.
+UNPOLISHED = 10.0
 
 
 def simplify(search: SetMoves[C], candidate: C, far: bool = False) -> C:
@@ -23,7 +27,7 @@ def simplify(search: SetMoves[C], candidate: C, far: bool = False) -> C:
         return candidate
     for i, effect in enumerate(candidate.effects):
         shapes = effect.simpler(tuple(candidate.theta_of(i)))
-        for name in (*NESTED.get(effect.name, ()), *shapes):
+        for name in (*effect.nests, *shapes):
             simple = simpler_forms(search, candidate, i, name)
             base = search.without(candidate, i) if simple else None
             if base is None:
@@ -92,9 +96,14 @@ def simpler_forms(search: BaseSearch[C], candidate: C, i: int, name: str) -> lis
 def special_cases(search: BaseSearch[C], named: C, i: int) -> list[BaseEffect]:
     """Simpler forms of effect i with which the set, fitted again, leaves no more of the gap than the tolerance in addition."""
     beside, most = frozenset(key for j, key in enumerate(named.keys) if j != i), named.fit.cost + search.tolerated_cost
-    forms = [form for name in NESTED.get(named.effects[i].name, ()) for form in simpler_forms(search, named, i, name)]
+    forms = [form for name in named.effects[i].nests for form in simpler_forms(search, named, i, name)]
     fitted = ((form, search.fitted.get(beside | {form.key})) for form in forms)
     return [form for form, one in fitted if one is not None and one.fit.cost < most]
+
+
+def hardly_more(cost: float, gap: float) -> float:
+    """The cost that leaves hardly more than this one of a gap's power."""
+    return cost + HARDLY_ANY * gap
 
 
 def most_left(search: SetMoves[C], rich: C) -> float:

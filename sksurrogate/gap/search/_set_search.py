@@ -16,8 +16,7 @@ from sksurrogate.gap.fit._closeness import AT_THE_NOISE, FAR, FAR_BY_COST, NEARL
 from sksurrogate.gap.fit._evidence import CERTAIN, C, Evidence, arrived, estimate_noise, follow_null, gain_by_size
 from sksurrogate.gap.fit._prior import moved_far
 from sksurrogate.gap.search._base import Wanted
-from sksurrogate.gap.search._nested import hardly_more
-from sksurrogate.gap.search._related_forms import reformed, simplify, with_fewer_parameters
+from sksurrogate.gap.search._related_forms import hardly_more, reformed, simplify, with_fewer_parameters
 from sksurrogate.gap.search._set_moves import SetMoves
 from sksurrogate.gap.search._stopping import closes_by_size, grows_in_vain
 
