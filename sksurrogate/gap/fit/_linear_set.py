@@ -10,7 +10,7 @@ import numpy as np
 
 from sksurrogate.gap.fit._backend import Backend, C
 from sksurrogate.gap.fit._linear_model import LinearModel
-from sksurrogate.gap.fit._normal_equations import scaled, solve
+from sksurrogate.gap.fit._normal_equations import eliminate, scaled
 from sksurrogate.kernels.disturbance import Disturbance, Noise
 from sksurrogate.kernels.linear_fit import linear_least_squares
 from sksurrogate.kernels.noise_fit import fit_noise
@@ -63,12 +63,9 @@ class LinearSet(LinearModel, Generic[C]):
 
     def at_best(self, G: np.ndarray, logdet: float) -> float:
         """The same from a Gram; its other functions do not act."""
-        k = 1 + self.J.shape[1]
-        base = -0.5 * (G[0, 0] + logdet + self.base.prior_square)
-        if k == 1:
-            return base
-        H, g = G[1:k, 1:k] + np.diag(self.precision), G[1:k, 0] + self.pull
-        return base + 0.5 * float(g @ solve(H, g))
+        k = self.J.shape[1]
+        left = eliminate(G[: 1 + k, : 1 + k], k, self.precision, self.pull)
+        return -0.5 * (float(left[0, 0]) + logdet + self.base.prior_square)
 
     def within_bounds(self, G: np.ndarray, logdet: float) -> float:
         """The same at the best parameters within their bounds; -inf where a trajectory left the finite numbers."""
@@ -85,17 +82,8 @@ class LinearSet(LinearModel, Generic[C]):
 
     def beside_parameters(self, G: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
         """Gram of the functions, their products with the residual and its power, the parameters at their best."""
-        k = 1 + self.J.shape[1]
-        H, g, power = G[k:, k:], G[k:, 0], float(G[0, 0]) + self.base.prior_square
-        if k > 1:
-            known = G[1:k, 1:k] + np.diag(self.precision)
-            scale = 1.0 / np.sqrt(np.maximum(np.diag(known), 1e-150))
-            cross = G[1:k, k:] * scale[:, None]
-            pulled = scale * (G[1:k, 0] + self.pull)
-            right = np.column_stack([cross, pulled])
-            solved = linear_least_squares(known * np.outer(scale, scale), right, rcond=UNSEEN)
-            H, g = H - cross.T @ solved[:, :-1], g - cross.T @ solved[:, -1]
-            power -= float(pulled @ solved[:, -1])
+        rest = eliminate(G, self.J.shape[1], self.precision, self.pull)
+        H, g, power = rest[1:, 1:], rest[1:, 0], float(rest[0, 0]) + self.base.prior_square
         return 0.5 * (H + H.T), g, power
 
     # ---- movement that is left --------------------------------------------------------------------------------------

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from sksurrogate.gap.fit._normal_equations import inverse
+from sksurrogate.gap.fit._normal_equations import eliminate, eliminate_rows
 from sksurrogate.gap.unnamed._formula_regression import Draft, Regression
 from sksurrogate.gap.unnamed._grammar import price_of, structure
 from sksurrogate.gap.unnamed._term_library import Library
@@ -84,14 +84,13 @@ class Beam:
         """The best of all sums of two of some terms: two may explain together what neither explains alone."""
         one, linear = self.regression, self.regression.channel.linear
         at, A = np.array(some, dtype=int), self.rows[:, some]
-        solution = inverse(one.K[1:, 1:] + np.diag(linear.precision))
-        g = one.K[1:, 0] + linear.pull
-        own = self.columns(some) @ self.library.columns[at].T - A[1:].T @ solution @ A[1:]
-        rest, size = A[0] - g @ solution @ A[1:], np.diag(own)
+        whole = np.block([[one.K, A], [A.T, self.columns(some) @ self.library.columns[at].T]])
+        left = eliminate(whole, len(one.K) - 1, linear.precision, linear.pull)
+        rest, own, size = left[0, 1:], left[1:, 1:], np.diag(left)[1:]
         det = np.outer(size, size) - own**2
         gain = 0.5 * (np.outer(rest**2, size) - 2.0 * np.outer(rest, rest) * own + np.outer(size, rest**2))
         costs = self.costs[at]
-        worth = gain / np.maximum(det, 1e-300) - costs[:, None] - costs + 0.5 * float(g @ solution @ g)
+        worth = gain / np.maximum(det, 1e-300) - costs[:, None] - costs + 0.5 * float(one.K[0, 0] - left[0, 0])
         known = size > OWN * self.diagonal[at]
         worth[~(np.outer(known, known) & (det > OWN * np.outer(size, size)))] = -np.inf
         i, j = np.triu_indices(len(some), 1)
@@ -151,25 +150,16 @@ class Beam:
 
     def grown(self, chosen: tuple[int, ...], most: int | None = 4 * TRIED) -> dict[tuple[int, ...], float]:
         """A formula with one term more, the best by what all of it is worth; every structure of the new term once."""
-        F, K, linear = self.library.columns, self.regression.K, self.regression.channel.linear
-        own = self.columns(chosen)
-        A = np.concatenate([self.rows[1:], own @ F.T])  # of parameters and chosen terms with all terms
-        H = np.zeros((len(A), len(A)))
-        p = len(K) - 1
-        H[:p, :p] = K[1:, 1:] + np.diag(linear.precision)
-        H[p:, :p] = A[:p, list(chosen)].T
-        H[:p, p:] = A[:p, list(chosen)]
-        H[p:, p:] = A[p:, list(chosen)]
-        g = np.r_[K[1:, 0] + linear.pull, self.rows[0, list(chosen)]]
-        explained, cross = 0.0, np.zeros_like(A)
-        rest, left = self.rows[0].copy(), self.diagonal.copy()
-        if len(A):
-            solution = inverse(H)
-            explained = 0.5 * float(g @ solution @ g)
-            cross = solution @ A
-            rest, left = rest - g @ cross, left - np.einsum("ak,ak->k", A, cross)
+        K, linear, some = self.regression.K, self.regression.channel.linear, list(chosen)
+        # Products of r, J and the chosen terms with all terms, and with one another.
+        A = np.concatenate([self.rows, self.columns(chosen) @ self.library.columns.T])
+        H = np.concatenate([np.concatenate([K, self.rows[:, some].T]), A[:, some]], axis=1)
+        precision, pull = (np.r_[part, np.zeros(len(some))] for part in (linear.precision, linear.pull))
+        explained = 0.5 * float(K[0, 0] - eliminate(H, len(H) - 1, precision, pull)[0, 0])
+        of_all = np.concatenate([H, A], axis=1), np.r_[np.diag(H), self.diagonal]
+        rest, left = eliminate_rows(*of_all, precision, pull)
         gain = np.where(left > OWN * self.diagonal, 0.5 * rest**2 / np.maximum(left, 1e-300), -np.inf)
-        gain[list(chosen)] = -np.inf
+        gain[some] = -np.inf
         worth = explained + gain - self.costs - sum(self.costs[k] for k in chosen)
         out: dict[tuple[int, ...], float] = {}
         seen: set = set()
