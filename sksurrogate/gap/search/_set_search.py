@@ -12,7 +12,7 @@ import numpy as np
 
 from sksurrogate.gap.fit._backend import BaseCandidate
 from sksurrogate.gap.fit._closed_loop import may_follow_noise
-from sksurrogate.gap.fit._closeness import AT_THE_NOISE, FAR, FAR_BY_COST, NEARLY_WHITE, SETTLED
+from sksurrogate.gap.fit._closeness import AT_THE_NOISE, FAR, FAR_BY_COST, NEARLY_WHITE, SETTLED, is_at_noise
 from sksurrogate.gap.fit._evidence import CERTAIN, C, Evidence, arrived, estimate_noise, follow_null, gain_by_size
 from sksurrogate.gap.fit._prior import moved_far
 from sksurrogate.gap.search._base import Wanted
@@ -109,9 +109,13 @@ class SetSearch(SetMoves[C]):
         return self.left_beside(base, MOST_EFFECTS - len(base.effects)) < self.most_left_cost
 
     def singles(self, null: C) -> list[C]:
-        """The null with one effect; where re-tuning went far, also from nominal parameters, the nearer fit of each kept."""
-        first = Wanted(16, 6, siblings=True)
-        candidates = self.expand(null, first)
+        """The null with one effect; where re-tuning went far, also from nominal parameters, the nearer fit of each kept.
+
+        Beside a null at the noise only what the screen expects to pass, and the likeliest for the ranking.
+        """
+        hopeless = self.hopeless if is_at_noise(null.fit.cost, self.n_values) else 0.0
+        first = Wanted(16, 6, siblings=True, least=hopeless)
+        candidates = self.expand(null, first) or self.expand(null, Wanted(2, 0))
         if not moved_far(null):
             return candidates
         best: dict = {}
@@ -144,7 +148,7 @@ class SetSearch(SetMoves[C]):
         Others are extended where the screen expects them to come as near as the nearest. None where none can pass.
         """
         left = self.judged[best].left
-        hopeless = SCREENED * self.needed_gain(1) if passed and left < AT_THE_NOISE else 0.0
+        hopeless = self.hopeless if passed and left < AT_THE_NOISE else 0.0
         trial = self.ranked(self.expand(best, Wanted(8, 4, siblings=True, least=hopeless)), best)
         settled = bool(trial) and passed and left < NEARLY_WHITE and not self.passes(trial[0], best, passed)
         if (settled and left < SETTLED) or (hopeless and not trial):
@@ -198,6 +202,11 @@ class SetSearch(SetMoves[C]):
     def needed_gain(self, k: int) -> float:
         """2 (L_candidate - L_best) that a further effect of k parameters must reach."""
         return self.threshold(max(k, 1)) + CERTAIN
+
+    @property
+    def hopeless(self) -> float:
+        """The drop that the screen must expect of an effect at the noise, where it expects nearly what the fit gains."""
+        return SCREENED * self.needed_gain(1)
 
     def beam(self, best: C) -> list[C]:
         """Other sets of this size worth one effect more.
