@@ -12,6 +12,7 @@ from sksurrogate.gap.fit._closeness import AT_THE_NOISE, FAR, MOST_LEFT, SETTLED
 from sksurrogate.gap.fit._evidence import Evidence, estimate_noise
 from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.results._next_experiment import NATS_THAT_SETTLE
+from sksurrogate.gap.search._nested import of_one_law
 from sksurrogate.gap.search._ode_search import OdeSearch
 from sksurrogate.gap.unnamed._law_evidence import LawBeside, law_beside, place_and_signal
 from sksurrogate.gap.unnamed._law_places import forms_of_places
@@ -72,7 +73,7 @@ def elsewhere(search: OdeSearch, final: Evidence, own: Contender) -> list[tuple[
     """Names of sets that differ by more than one effect in the place of one, and the nats by which they are likelier than what stands.
 
     Data that show the sum of several effects may be explained as well by others. Sets that hold what stands, or are a part of it,
-    do not count. Where what stands leaves more than the noise, its forms are not exact, and the likelihood says too little of
+    do not count; one that holds another form of the same law holds the name. Where what stands leaves more than the noise, its forms are not exact, and the likelihood says too little of
     others that are as inexact: none counts.
     """
     if final.left > SETTLED:
@@ -84,7 +85,13 @@ def elsewhere(search: OdeSearch, final: Evidence, own: Contender) -> list[tuple[
         if search.own(one) is not None
         and not (keys <= set(one.keys) or keys >= set(one.keys) or _is_swap(one.keys, final.candidate.keys))
     ]
-    return [(frozenset(one.keys), search.evidence(one) - level + _before(search, one) - own.before) for one in apart]
+    return [(_held(one, final.candidate), search.evidence(one) - level + _before(search, one) - own.before) for one in apart]
+
+
+def _held(one: OdeCandidate, other: OdeCandidate) -> frozenset:
+    """Keys of a set, and those of another set of which it holds another form."""
+    forms = (effect.key for effect in other.effects if any(of_one_law(effect, own) for own in one.effects))
+    return frozenset((*one.keys, *forms))
 
 
 def preferred(own: Contender, others: Sequence[Contender]) -> Contender:
