@@ -114,3 +114,11 @@ def test_no_second_name_is_fitted_where_none_could_close_half_of_the_gap():
     null = search.null.candidate
     assert search.first_screen.left_by[-1] > search.most_left_cost > 0.2 * null.fit.cost
     assert max(len(keys) for keys in search.fitted) == 1
+
+
+def test_beside_a_simulator_at_the_noise_only_the_likeliest_are_fitted():
+    def nothing(x):
+        return 0.0
+
+    search = searched(*recorded(nothing, 0.01))
+    assert not search.final.effects and len(search.first_round) <= 3 < len(FEW)
