@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from joblib import parallel_config
 
 from sksurrogate.gap import GapDiagnoser
 from sksurrogate.gap.screen import _candidate_columns
@@ -69,7 +70,7 @@ def test_the_screen_in_blocks_is_the_screen_at_once(monkeypatch):
     assert np.allclose([s.white for s in found[0].starts], [s.white for s in found[1].starts], rtol=1e-8, atol=1e-6)
 
 
-def searched(simulator, X, y, groups, first=False):
+def searched(simulator, X, y, groups, first=False, n_jobs=1):
     """A search over a part of the catalogue, its report left undecided; ``first``: the screen of the null alone."""
     kept = []
 
@@ -85,7 +86,7 @@ def searched(simulator, X, y, groups, first=False):
 
     with pytest.MonkeyPatch.context() as patch, pytest.warns(UserWarning, match="interrupted"):
         patch.setattr("sksurrogate.gap._begin.OdeSearch", Watched)
-        GapDiagnoser(simulator, effects=FEW, n_jobs=1).fit(X, y, groups=groups)
+        GapDiagnoser(simulator, effects=FEW, n_jobs=n_jobs).fit(X, y, groups=groups)
     return kept[0]
 
 
@@ -122,3 +123,13 @@ def test_beside_a_simulator_at_the_noise_only_the_likeliest_are_fitted():
 
     search = searched(*recorded(nothing, 0.01))
     assert not search.final.effects and len(search.first_round) <= 3 < len(FEW)
+
+
+def test_fits_side_by_side_are_the_fits_one_after_the_other():
+    """The first comes to the noise, and none of the others may: they are fitted by neither."""
+    case = recorded(lambda x: -0.5 * x[0] ** 3, 0.005, rows=60)
+    alone = searched(*case)
+    with parallel_config("threading"):
+        beside = searched(*case, n_jobs=2)
+    assert [one.keys for one in beside.first_round] == [one.keys for one in alone.first_round]
+    assert {k: one.fit.cost for k, one in beside.fitted.items()} == {k: one.fit.cost for k, one in alone.fitted.items()}

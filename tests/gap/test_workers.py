@@ -27,9 +27,9 @@ def test_joblibs_setting_spreads_the_fits_and_changes_no_answer(monkeypatch):
     here = printed(diagnoser.fit(X, y, groups=groups).report_)
     asked = []
 
-    def spy(n_jobs):
+    def spy(n_jobs, **options):
         asked.append(joblib.effective_n_jobs(n_jobs))
-        return _interrupts.workers(n_jobs)
+        return _interrupts.workers(n_jobs, **options)
 
     monkeypatch.setattr("sksurrogate.gap.search._expander.workers", spy)
     assert printed(diagnoser.fit(X, y, groups=groups).report_) == here and not asked

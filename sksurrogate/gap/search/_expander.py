@@ -245,36 +245,30 @@ class Expander(SetSearch[OdeCandidate]):
     def fit_together(
         self, base: OdeCandidate, chosen: Sequence[list[Start]], best: float = np.inf
     ) -> list[OdeCandidate]:
-        """Fit candidates, best first; side by side where ``n_jobs`` or joblib's own setting asks for it.
+        """Fit candidates, the best first: its cost is what the others must come near to.
 
-        The cost of the first is what the others must come near to. Where that is the noise, only those are fitted that may come near: as
-        much as the screen expected the first to leave, it may be wrong about others.
+        Where that is the noise, only those are fitted that may come near: as much as the screen expected the first to leave, it may
+        be wrong about others.
         """
-        if effective_n_jobs(self.n_jobs) == 1:
-            best = min(base.fit.cost, best)
-            n = len(chosen) if len(chosen) <= FITTED_APART else 1
-            tries = iter(self.fit_apart(base, [[one] for starts in chosen[:n] for one in starts], best))
-            first = [cheapest(list(islice(tries, len(starts)))) for starts in chosen[:n]]
-            costs = [np.inf if candidate is None else candidate.fit.cost for candidate in first]
-            best = min([best, *costs])
-            expected = [least_left(starts) for starts, cost in zip(chosen, costs) if is_at_noise(cost, self.n_values)]
-            most = max([FAR_BY_COST * self.n_values, *(AS_NEAR * left for left in expected)])
-            others = [one for one in chosen[n:] if not is_at_noise(best, self.n_values) or may_lead_near(one, most)]
-            found = [*first, *self.fit_apart(base, others, best)]
-            return [candidate for candidate in found if candidate is not None]
-        n = max(1, len(chosen) // 8)
-        chunks = [chosen[i : i + n] for i in range(0, len(chosen), n)]
-        near = min(base.fit.cost, best)
-        parts = workers(self.n_jobs)(delayed(fit_chunk)(base, chunk, near) for chunk in chunks)
-        messages = [one for part in parts for one in part]
-        added_one = [self.from_message(base, [starts[0].effect], one) for starts, one in zip(chosen, messages)]
-        return [candidate for candidate in added_one if candidate is not None]
+        best = min(base.fit.cost, best)
+        n = len(chosen) if len(chosen) <= FITTED_APART else 1
+        tries = iter(self.fit_apart(base, [[one] for starts in chosen[:n] for one in starts], best))
+        first = [cheapest(list(islice(tries, len(starts)))) for starts in chosen[:n]]
+        costs = [np.inf if candidate is None else candidate.fit.cost for candidate in first]
+        best = min([best, *costs])
+        expected = [least_left(starts) for starts, cost in zip(chosen, costs) if is_at_noise(cost, self.n_values)]
+        most = max([FAR_BY_COST * self.n_values, *(AS_NEAR * left for left in expected)])
+        others = [one for one in chosen[n:] if not is_at_noise(best, self.n_values) or may_lead_near(one, most)]
+        found = [*first, *self.fit_apart(base, others, best)]
+        return [candidate for candidate in found if candidate is not None]
 
     def fit_apart(self, base: OdeCandidate, chosen: Sequence[list[Start]], best: float) -> list[OdeCandidate | None]:
-        """Fits that know nothing of each other, in two processes."""
-        found = side_by_side(
-            lambda starts: to_message(base.problem, partial(fit_added, base, starts, best)), chosen, self.second, effort
-        )
+        """Fits that know nothing of each other: in the workers that ``n_jobs`` or joblib's own setting asks for, else in two processes."""
+        if effective_n_jobs(self.n_jobs) > 1:
+            spread = workers(self.n_jobs, batch_size=max(1, len(chosen) // 8))
+            found = spread(delayed(fit_in_worker)(base, starts, best) for starts in chosen)
+        else:
+            found = side_by_side(partial(fit_here, base, best=best), chosen, self.second, effort)
         return [self.from_message(base, [starts[0].effect], message) for starts, message in zip(chosen, found)]
 
     def from_message(self, base: OdeCandidate, added: Sequence[BaseEffect], message: Message) -> OdeCandidate | None:
@@ -319,7 +313,12 @@ def to_message(problem: OdeBackend, fit: Callable[[], OdeCandidate | None]) -> M
     return None if candidate is None else (candidate.fit, candidate.problem.numerics)
 
 
-def fit_chunk(base: OdeCandidate, chunk: Sequence[list[Start]], best: float) -> list[Message]:
-    """One worker's share."""
+def fit_here(base: OdeCandidate, starts: Sequence[Start], best: float) -> Message:
+    """One effect more, fitted from its starts."""
+    return to_message(base.problem, partial(fit_added, base, starts, best))
+
+
+def fit_in_worker(base: OdeCandidate, starts: Sequence[Start], best: float) -> Message:
+    """The same in a process of joblib."""
     with silent_in_worker():
-        return [to_message(base.problem, partial(fit_added, base, starts, best)) for starts in chunk]
+        return fit_here(base, starts, best)
