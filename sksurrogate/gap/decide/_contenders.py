@@ -120,10 +120,7 @@ def _is_swap(one: Sequence[tuple], other: Sequence[tuple]) -> bool:
 
 
 def judged_contender(
-    search: OdeSearch,
-    final: Evidence,
-    candidate: OdeCandidate,
-    seeds: Sequence[tuple[int, int, Noise]],
+    search: OdeSearch, final: Evidence, candidate: OdeCandidate, seeds: Sequence[tuple[int, int]]
 ) -> list[Contender]:
     """A set beside its own law; none where that cannot be judged.
 
@@ -166,7 +163,7 @@ def judged_law(
     final: Evidence,
     candidate: OdeCandidate,
     along: bool,
-    seeds: Sequence[tuple[int, int, Noise]] = (),
+    seeds: Sequence[tuple[int, int]] = (),
     instead: OdeCandidate | None = None,
     noises: Sequence[Noise] | None = None,
 ) -> LawBeside | None:
@@ -190,7 +187,7 @@ def law_along(
     noises: Sequence[Noise],
     x: np.ndarray | None,
     bare: bool = False,
-    seeds: Sequence[tuple[int, int, Noise]] = (),
+    seeds: Sequence[tuple[int, int]] = (),
     instead: OdeCandidate | None = None,
 ) -> LawBeside | None:
     """A law beside a set; what was computed for it before is kept: the same set is judged whenever names are compared."""

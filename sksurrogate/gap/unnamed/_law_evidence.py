@@ -49,7 +49,7 @@ class LawBeside:
     #: law among all is paid
     small: float
     large: float
-    seed: tuple[int, int, Noise]  #: Which law and form it is among all, and the noise beside it
+    seed: tuple[int, int]  #: Which law and form it is among all
     left: LawLeft  #: Its place and its size
 
     @property
@@ -65,7 +65,7 @@ def law_beside(
     noises: Sequence[Noise],
     x: np.ndarray | None = None,
     bare: bool = False,
-    seeds: Sequence[tuple[int, int, Noise]] = (),
+    seeds: Sequence[tuple[int, int]] = (),
     known: dict[Any, Any] | None = None,
     instead: OdeCandidate | None = None,
 ) -> LawBeside | None:
@@ -161,7 +161,7 @@ class _Fit:
         """Prior weights of the sizes of a small and of a large law, (2, n_sizes)."""
         return small_and_large(LAW_SIZES, self.tolerance)
 
-    def best(self, noises: Sequence[Noise], seeds: Sequence[tuple[int, int, Noise]]) -> _Found:
+    def best(self, noises: Sequence[Noise], seeds: Sequence[tuple[int, int]]) -> _Found:
         """The likeliest law: of those that are likeliest under each noise, and of those that were likeliest beside other sets.
 
         The noise is fitted beside the likeliest law under each noise; then beside the likeliest other under the noise of the best, as long as
@@ -169,7 +169,7 @@ class _Fit:
         """
         picks = self.likeliest(noises)
         best = max((self.refined(k, f, noise) for (k, f), noise in zip(picks, noises)), key=_of_any_size)
-        others = {*picks, *((k, form) for k, f, _ in seeds for form in self.relatives(k, f))} - {(best.k, best.f)}
+        others = {*picks, *((k, form) for k, f in seeds for form in self.relatives(k, f))} - {(best.k, best.f)}
         while others:
             first = max((self.under(k, f, best.noise) for k, f in sorted(others)), key=_of_any_size)
             others.remove((first.k, first.f))
@@ -349,7 +349,7 @@ class _Fit:
         small = float(np.logaddexp(one.small, alone - np.log(2.0)))
         weight = np.exp(one.large - np.logaddexp(small, one.large)) if one.small < alone else 1.0
         size, spread = float(one.size * weight), float(one.spread)
-        seed, gain = (one.k, one.f, one.noise), 2.0 * (_of_any_size(one) - alone)
+        gain = 2.0 * (_of_any_size(one) - alone)
         F = self.moved(one)
         moved = record.rms(self.linear.projected(F[:, None]).reshape(F.shape)) * sd
         deviation = float(np.max(moved / record.spread))
@@ -359,7 +359,7 @@ class _Fit:
         large = float(one.large)
         probability = float(np.exp(large - np.logaddexp(small, large)))
         left = LawLeft(law.location, law.kind, law.signal.variable, size, spread, gain, deviation, probability, rms)
-        return LawBeside(small, large, seed, left)
+        return LawBeside(small, large, (one.k, one.f), left)
 
 
 def _of_any_size(one: _Found) -> float:
