@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sksurrogate.gap.decide._contenders import swaps
 from sksurrogate.gap.decide._equivalence import EquivalenceClass
 from sksurrogate.gap.fit._backend import BaseCandidate
 from sksurrogate.gap.fit._evidence import C, Evidence, evidence_threshold, gain_by_size, judged_under
@@ -97,7 +98,7 @@ def names_by_fold(search: BaseSearch[C], final: Evidence[C], classes: Sequence[E
     ``classes``: of its effects: their members count as the same names.
     """
     named = final.candidate
-    others = _others(search, named, classes)
+    others = _other_choices(search, named, classes)
     known = [[noise for noise in (search.noise_of(one), final.noise) if noise is not None] for one in others]
     return choices_by_fold(
         search, [(named, [final.noise], 0.0), *((one, noises, 0.0) for one, noises in zip(others, known))]
@@ -120,7 +121,7 @@ def choices_by_fold(search: BaseSearch[C], choices: Sequence[tuple[C, Sequence[N
     return [candidates[0 if pick is None else 1 + pick] for pick in picks]
 
 
-def _others(search: BaseSearch[C], final: C, classes: Sequence[EquivalenceClass[C]]) -> list[C]:
+def _other_choices(search: BaseSearch[C], final: C, classes: Sequence[EquivalenceClass[C]]) -> list[C]:
     """Candidates that differ from the final one in one effect, outside of its class; the best on all runs."""
     keys = frozenset(final.keys)
     same = set()
@@ -128,10 +129,5 @@ def _others(search: BaseSearch[C], final: C, classes: Sequence[EquivalenceClass[
         own = final.effects[its_class.index].key
         kin = its_class.keys | set(search.richer.get(own, []))
         same |= {(keys - {own}) | {key} for key in kin}
-    found = [
-        candidate
-        for names, candidate in search.fitted.items()
-        if len(names) == len(keys) and len(names & keys) == len(keys) - 1 and names not in same
-    ]
-    found = [candidate for candidate in found if np.isfinite(search.score(candidate))]
+    found = [one for one in swaps(search, final) if frozenset(one.keys) not in same and np.isfinite(search.score(one))]
     return sorted(found, key=search.order([final, *found]), reverse=True)[:MOST_CHOICES]

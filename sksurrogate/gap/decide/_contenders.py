@@ -9,9 +9,10 @@ import numpy as np
 
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.gap.fit._closeness import AT_THE_NOISE, FAR, MOST_LEFT, SETTLED
-from sksurrogate.gap.fit._evidence import Evidence, estimate_noise
+from sksurrogate.gap.fit._evidence import C, Evidence, estimate_noise
 from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.results._next_experiment import NATS_THAT_SETTLE
+from sksurrogate.gap.search._base import BaseSearch
 from sksurrogate.gap.search._nested import of_one_law
 from sksurrogate.gap.search._ode_search import OdeSearch
 from sksurrogate.gap.unnamed._law_evidence import LawBeside, law_beside, place_and_signal
@@ -61,8 +62,9 @@ def contenders(search: OdeSearch, final: Evidence, law: LawBeside) -> tuple[Cont
         corrected = -0.5 * np.log1p(max(candidate.fit.cost - final.fit.cost, 0.0)) - np.log(chosen)
         return max(search.evidence(candidate) - level, corrected) + _before(search, candidate) - own.before
 
-    swapped = [one for one in _near(search, final) if _is_swap(one.keys, final.candidate.keys)]
+    near = _near(search, final)
     others: list[Contender] = []
+    swapped = [one for one in swaps(search, final.candidate) if one in near]
     for candidate in sorted(swapped, key=reach, reverse=True)[:MOST_OTHERS]:
         if own.net + reach(candidate) > max([own.net, *(one.net for one in others)]) - NATS_THAT_SETTLE:
             others.extend(judged_contender(search, final, candidate, [law.seed]))
@@ -78,12 +80,11 @@ def elsewhere(search: OdeSearch, final: Evidence, own: Contender) -> list[tuple[
     """
     if final.left > SETTLED:
         return []
-    keys, level = set(final.candidate.keys), search.evidence(final.candidate)
+    keys, level, swapped = set(final.candidate.keys), search.evidence(final.candidate), swaps(search, final.candidate)
     apart = [
         one
         for one in _near(search, final)
-        if search.own(one) is not None
-        and not (keys <= set(one.keys) or keys >= set(one.keys) or _is_swap(one.keys, final.candidate.keys))
+        if search.own(one) is not None and not (one in swapped or keys <= set(one.keys) or keys >= set(one.keys))
     ]
     return [(_held(one, final.candidate), search.evidence(one) - level + _before(search, one) - own.before) for one in apart]
 
@@ -114,9 +115,10 @@ def _near(search: OdeSearch, final: Evidence) -> list[OdeCandidate]:
     return [one for one in search.fitted.values() if one.fit.cost < most and search.plausible(one)]
 
 
-def _is_swap(one: Sequence[tuple], other: Sequence[tuple]) -> bool:
-    """Whether two sets differ by another effect in the place of one."""
-    return len(one) == len(other) and len(set(one) & set(other)) == len(other) - 1
+def swaps(search: BaseSearch[C], named: C) -> list[C]:
+    """The sets that were fitted with another effect in the place of one that is named."""
+    own = frozenset(named.keys)
+    return [one for keys, one in search.fitted.items() if len(keys) == len(own) == len(keys & own) + 1]
 
 
 def judged_contender(

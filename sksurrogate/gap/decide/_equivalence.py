@@ -11,6 +11,7 @@ import numpy as np
 from sksurrogate.effects._catalogue import CATALOGUE
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.effects._onset import Starting
+from sksurrogate.gap.decide._contenders import swaps
 from sksurrogate.gap.decide._posterior import Posterior
 from sksurrogate.gap.fit._backend import BaseCandidate
 from sksurrogate.gap.fit._evidence import FEW_STEPS, C, Evidence, estimate_noise, judged_under
@@ -225,7 +226,7 @@ def probabilities(
     for its_class, chance in zip(classes, posterior.probabilities):
         ours = [own, *(_score(search, twin.candidate, final) for twin in its_class.twins)]
         named = {final.effects[its_class.index].key, *its_class.keys}
-        against = _others(search, final, its_class)
+        against = _rejected(search, final, its_class)
         against += [own + more for keys, more in posterior.elsewhere if not keys & named]
         top = max([*ours, *against])
         for_it, in_all = (float(np.sum(np.exp(np.array(values) - top))) for values in (ours, [*ours, *against]))
@@ -240,14 +241,9 @@ def _score(search: BaseSearch[C], candidate: C, final: C) -> float:
     return search.score(final) - 0.5 * (candidate.n_parameters - final.n_parameters) * float(np.log(search.n_values))
 
 
-def _others(search: BaseSearch[C], final: C, its_class: EquivalenceClass[C]) -> list[float]:
+def _rejected(search: BaseSearch[C], final: C, its_class: EquivalenceClass[C]) -> list[float]:
     """Scores of the candidates in one place that the data reject, at least :data:`EQUAL` below the final one."""
     own = final.effects[its_class.index].key
-    beside = frozenset(final.keys) - {own}
-    taken = {own, *its_class.keys}
-    scores = [
-        search.score(candidate)
-        for keys, candidate in search.fitted.items()
-        if len(keys) == len(final.keys) and beside < keys and not (keys - beside) & taken
-    ]
+    beside, taken = set(final.keys) - {own}, {own, *its_class.keys}
+    scores = [search.score(one) for one in swaps(search, final) if not (set(one.keys) - beside) & taken]
     return [min(score, search.score(final) - EQUAL) for score in scores if np.isfinite(score)]
