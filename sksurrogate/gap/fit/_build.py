@@ -157,6 +157,6 @@ def build_trajectory(
     surrogate = learn(record, nominal)
     none = np.zeros((len(sd), 0, record.n_samples))
     problem = TrajectoryBackend(
-        simulations, labels, sd, nominal, surrogate, free, none, x0 is not None, x0, known=known or KnownParameters()
+        simulations, sd, nominal, surrogate, free, none, x0 is not None, x0, known=known or KnownParameters()
     )
     return problem.renewed()

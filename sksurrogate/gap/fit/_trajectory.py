@@ -109,7 +109,7 @@ class TrajectoryCandidate(BaseCandidate):
 
     def refitted(self, record: Record) -> TrajectoryCandidate | None:
         simulations = replace(self.problem.simulations, record=record, kept={})
-        problem = replace(self.problem, simulations=simulations, disturbances={})
+        problem = replace(self.problem, simulations=simulations)
         try:
             return problem.fit(self.effects, self.fit.theta, self.fit.J.transpose(1, 0, 2))
         except Exception:  # a table knows its own inputs only, and a simulator may raise anything along others
@@ -148,7 +148,6 @@ class TrajectoryBackend(Backend):
     """A simulator with ``simulate`` alone over a record."""
 
     simulations: Simulations
-    labels: Sequence[object]  #: Of the runs
     sd: np.ndarray
     nominal: np.ndarray  #: (n_outputs, n_samples): the simulator's own outputs
     surrogate: LinearSurrogate
@@ -158,7 +157,6 @@ class TrajectoryBackend(Backend):
     #: surrogate
     free_starts: bool = False
     x0: np.ndarray | None = None  #: (n_runs, n_states): initial states that the simulator is given
-    disturbances: dict[bool, Disturbance] = field(default_factory=dict)
     known: KnownParameters = field(default_factory=KnownParameters)
 
     @property
@@ -184,7 +182,6 @@ class TrajectoryBackend(Backend):
             surrogate=replace(self.surrogate, starts=record.starts, n_samples=n),
             transients=self.transients[:, :, :n],
             x0=None if self.x0 is None else self.x0[:1],
-            disturbances={},
         )
 
     # ---- initial states ---------------------------------------------------------------------------------------------
@@ -237,13 +234,10 @@ class TrajectoryBackend(Backend):
         return found if self.record.known is None else np.where(self.record.known, found, y)
 
     # ---- noise ------------------------------------------------------------------------------------------------------
-    @property
+    @cached_property
     def disturbance(self) -> Disturbance:
         """A force on every state of the linear surrogate, coloured sensor noise, white noise."""
-        if self.free_starts not in self.disturbances:
-            known = self.record.known
-            self.disturbances[self.free_starts] = self.surrogate.disturbance(self.free_starts, known=known)
-        return self.disturbances[self.free_starts]
+        return self.surrogate.disturbance(self.free_starts, known=self.record.known)
 
     @cached_property
     def caps(self) -> tuple[np.ndarray, np.ndarray]:  # type: ignore[override]
