@@ -144,7 +144,7 @@ def rank(effect: BaseEffect, positions: Collection[str] = ()) -> tuple[int, floa
     >>> rank(CATALOGUE["input_gain"]("voltage")) < rank(CATALOGUE["linear_loss"]("current", "voltage"))  # of its own level
     True
     """
-    kind = _ORDER_OF_KINDS.index(effect.kind) if effect.kind in _ORDER_OF_KINDS else len(_ORDER_OF_KINDS)
+    kind = _ORDER_OF_KINDS.index(effect.kind)
     place = _PLACE.get(effect.name, len(_PLACE))
     before = -effect.prior_weight(positions)
     begins = isinstance(effect, Starting)  # after a load or a parameter that jumps

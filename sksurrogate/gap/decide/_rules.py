@@ -38,7 +38,7 @@ class DecisionFeatures:
     #: deviation
     curve: float = -np.inf
     curve_moved: float = 0.0
-    rounding: float = 0.0  #: Error of a rounding that nothing names, over the deviation of the output
+    rounding: float = 0.0  #: Error of a coarse grid of readings that nothing names, over the deviation of the output
     noisy_input: bool = False  #: Whether the gap is no larger than the noise of a measured input makes it
     #: Whether the simulator alone explains the record with its time or readings in another unit
     other_unit: bool = False
@@ -78,8 +78,6 @@ def left_over(final: Evidence, noise: np.ndarray, most_noise: np.ndarray, retune
     return final.left_within(most, np.minimum(noise, most_noise))
 
 
-#: A reading's grid counts from this share of the output's deviation on.
-GRID_SHARE = 0.01
 #: A gap below this share of the outputs' deviation is of no practical size; one below :data:`SMALL_GAP` where it is near the noise.
 PRACTICAL = 0.005
 
@@ -116,13 +114,11 @@ RULES: tuple[Rule, ...] = (
     ),
     Rule(
         "grid_beside_names",
-        lambda f: f.rounding > GRID_SHARE and f.names > 0 and certain(f),
+        lambda f: f.rounding > 0.0 and f.names > 0 and certain(f),
         "partial",
         "The effects are certain. The readings also lie on a grid, and no named effect explains it.",
     ),
-    Rule(
-        "grid", lambda f: f.rounding > GRID_SHARE, "unknown", "The readings lie on a grid, and no effect explains it."
-    ),
+    Rule("grid", lambda f: f.rounding > 0.0, "unknown", "The readings lie on a grid, and no effect explains it."),
     Rule(
         "uncertain_names",
         lambda f: f.names > 0 and not certain(f),

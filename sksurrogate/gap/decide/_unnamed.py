@@ -103,9 +103,8 @@ class BaseUnnamed(ABC, Generic[C]):
 
     def where_and_when(self, location: str | None, kind: str | None) -> tuple[Table, Table]:
         """By region and by time, of the signal at a place; at the likeliest place where no signal can be followed there."""
-        tried = [(location, kind)] if location is not None and kind in ("state", "input", "output", "parameter") else []
-        tried += [(place.location, place.kind) for place in (self.places or [])[:1]]
-        channels = (self.channels.at(str(name), str(of)) for name, of in tried)
+        tried = [(location, kind), *((place.location, place.kind) for place in (self.places or [])[:1])]
+        channels = (self.channels.at(name, str(of)) for name, of in tried if name is not None)
         channel = next((one for one in channels if one is not None), None)
         return (EMPTY, EMPTY) if channel is None else self.channels.regions_and_times(channel)
 

@@ -17,7 +17,7 @@ from sksurrogate.gap.decide._law_certificate import CertifiedLaw, held_out_law
 from sksurrogate.gap.decide._posterior import Posterior, law_left_beside, stands
 from sksurrogate.gap.decide._retuning import imitated_by_retuning
 from sksurrogate.gap.decide._rounded_kinks import notes_on_kinks
-from sksurrogate.gap.decide._rules import GRID_SHARE, left_over
+from sksurrogate.gap.decide._rules import left_over
 from sksurrogate.gap.decide._separations import of_ode
 from sksurrogate.gap.decide._unnamed import BaseUnnamed
 from sksurrogate.gap.fit._build import build_problem
@@ -38,6 +38,8 @@ from sksurrogate.kernels.record import Record
 
 #: White noise is at most so many times what differences of the outputs show.
 MOST_NOISE = 1.1
+#: A reading's grid counts from this share of the output's deviation on.
+GRID_SHARE = 0.01
 PIECES_NOTE = (
     "The candidates were compared on {some} of {whole} samples, in pieces spread over the record; what is named was fitted on more "
     "of them."

@@ -168,9 +168,7 @@ class Expander(SetSearch[OdeCandidate]):
         self, base: OdeCandidate, effects: Sequence[BaseEffect], shape: tuple[float, ...] | None, best: float
     ) -> list[OdeCandidate]:
         """Effects of one form, added to a base: of its shape where that is known."""
-        if shape is None:
-            return self.expand(base, Wanted(2, 0, effects, best=best))
-        return self.shaped(base, effects, shape, best)
+        return super().formed(base, effects, shape, best) if shape is None else self.shaped(base, effects, shape, best)
 
     def shaped(
         self, base: OdeCandidate, effects: Sequence[BaseEffect], shape: tuple[float, ...], best: float = np.inf
