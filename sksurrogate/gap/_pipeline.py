@@ -106,7 +106,7 @@ class DiagnosisPipeline(LawStage[C]):
         try:
             self.search.run()
             self.search.look_for_onsets()
-        except TimeIsUp:
+        except KeyboardInterrupt:
             self.search.keep_best()
             raise
 

@@ -10,6 +10,7 @@ import pytest
 
 from sksurrogate.gap import GapDiagnoser, _begin, _pipeline, _progress
 from sksurrogate.gap._progress import Progress, progress_shown
+from sksurrogate.gap.search._set_moves import SetMoves
 from sksurrogate.kernels import clock
 from sksurrogate.kernels.clock import TimeIsUp, check_time, limited, time_left, time_until
 from sksurrogate.physics import ODESimulator
@@ -85,6 +86,18 @@ def test_the_names_of_a_cut_search_are_those_of_a_whole_one(data, ticks):
         some = diagnosed(plant(), data, time_limit=limit).report_
         if some.effects:
             assert some.effects[0].name == whole.effects[0].name == "cubic_stiffness"
+
+
+@pytest.mark.parametrize("simulator", [plant(), Slow()], ids=["rhs", "simulate"])
+def test_an_interrupted_search_leaves_the_best_of_what_it_fitted(simulator, data, monkeypatch):
+    def interrupted(*given):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(time, "sleep", lambda seconds: None)
+    monkeypatch.setattr(SetMoves, "ranked", interrupted)
+    with pytest.warns(UserWarning, match="interrupted"):
+        report = diagnosed(simulator, data).report_
+    assert not report.complete and len(report.effects) == 1
 
 
 def slow_level(t, x, u, p):

@@ -60,19 +60,13 @@ class TrajectorySearch(SetSearch[TrajectoryCandidate]):
         return self.null
 
     def run(self) -> Evidence[TrajectoryCandidate]:
-        """The whole search; an interrupt is passed on once what is fitted is compared."""
-        try:
+        """The whole search; once more, initial states free, where the runs begin elsewhere than the simulator."""
+        super().run()
+        if self.begins_elsewhere():
+            self.report("the runs start elsewhere than the simulator: their initial states are fitted as transients")
+            self.fitted.clear()
+            self.fit_null()
             super().run()
-            if self.begins_elsewhere():
-                self.report(
-                    "the runs start elsewhere than the simulator: their initial states are fitted as transients"
-                )
-                self.fitted.clear()
-                self.fit_null()
-                super().run()
-        except KeyboardInterrupt:
-            self.keep_best()
-            raise
         return self.standing
 
     def begins_elsewhere(self) -> bool:
