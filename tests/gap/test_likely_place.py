@@ -31,7 +31,12 @@ def test_a_sensor_is_likely_where_nothing_else_is_likely():
     assert likely_place(found) == ("y", "output")
 
 
-PLACES = [Place("x", "state", 0.0), Place("u", "input", 0.0), Place("v", "state", -40.0), Place("y", "output", -90.0)]
+PLACES = [
+    Place("x", "state", 0.0),
+    Place("u", "input", 0.0, balance="x"),
+    Place("v", "state", -40.0),
+    Place("y", "output", -90.0),
+]
 
 
 @pytest.mark.parametrize(

@@ -26,6 +26,12 @@ class Place:
     location: str
     kind: str
     log_likelihood: float
+    balance: str | None = None  #: That an input pushes, and no other: to the data they are one place
+
+    @property
+    def to_the_data(self) -> tuple[str, str]:
+        """Location and kind, the same of all places that the data do not distinguish."""
+        return (self.location, self.kind) if self.balance is None else (self.balance, "state")
 
 
 def fit_signal(

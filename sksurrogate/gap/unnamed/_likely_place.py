@@ -42,30 +42,24 @@ def place_of_law(law: LawLeft | None, found: Sequence[Place], inputs: Sequence[s
     if law is None or law.gain < CERTAIN:
         return None
     signal = law.variable.removesuffix(AND_ITS_PAST)
-    if law.kind == "state" and signal in inputs:
-        here = next((place for place in found if (place.location, place.kind) == (law.location, "state")), None)
-        there = next((place for place in found if (place.location, place.kind) == (signal, "input")), None)
-        if here is not None and there is not None and push_alike(here, there):
-            return signal, "input"
+    if signal in inputs and any(
+        (place.location, place.kind) == (signal, "input") and place.to_the_data == (law.location, law.kind)
+        for place in found
+    ):
+        return signal, "input"
     return law.location, law.kind
-
-
-def push_alike(one: Place, other: Place) -> bool:
-    """Whether an input and a balance are the same place to the data."""
-    return abs(one.log_likelihood - other.log_likelihood) < 1e-9
 
 
 def distinct(found: Iterable[Place]) -> list[Place]:
     """Places that the data distinguish: of an input and the balance that it alone pushes the first.
 
-    >>> [place.location for place in distinct([Place("level", "state", -3.0), Place("valve", "input", -3.0)])]
+    >>> [place.location for place in distinct([Place("level", "state", -3.0), Place("valve", "input", -3.0, "level")])]
     ['level']
     """
-    out: list[Place] = []
+    first: dict[tuple[str, str], Place] = {}
     for place in found:
-        if not any(push_alike(place, other) for other in out):
-            out.append(place)
-    return out
+        first.setdefault(place.to_the_data, place)
+    return list(first.values())
 
 
 def places(null: OdeCandidate, rough: bool = False) -> list[Place]:
@@ -93,7 +87,7 @@ def places(null: OdeCandidate, rough: bool = False) -> list[Place]:
             push = push_at(null, x, name, "input")
             twin = _same_push(push, forces)
             if twin is not None:
-                found.append(Place(name, "input", found[twin].log_likelihood))
+                found.append(Place(name, "input", found[twin].log_likelihood, problem.balances[twin]))
             elif np.any(push):
                 found.append(Place(name, "input", likelihood(push, size_at(problem, name, "input"))))
         acting = {} if rough else pushes_of_parameters(null, x)
@@ -134,22 +128,18 @@ def places_by_law(channels: Channels, found: Sequence[Place]) -> list[Place]:
     """
     if not found:
         return []
-    again = {}
+    again: dict[tuple[str, str], float] = {}
     for place in distinct(found)[:COMPARED]:
         drafts = channels.drafts(place.location, place.kind)
         if drafts and np.isfinite(drafts[0].level):
-            again[place.log_likelihood] = drafts[0].level
+            again[place.to_the_data] = drafts[0].level
     if len(again) < 2:
         return list(found)
     # The others stay as far below as they were.
-    drop = max(again) - max(again.values())
-    lowest = min(again.values())
-    out = [
-        replace(p, log_likelihood=again[p.log_likelihood])
-        if p.log_likelihood in again
-        else replace(p, log_likelihood=min(p.log_likelihood - drop, lowest))
-        for p in found
-    ]
+    before = max(place.log_likelihood for place in found if place.to_the_data in again)
+    drop, lowest = before - max(again.values()), min(again.values())
+    levels = (again.get(place.to_the_data, min(place.log_likelihood - drop, lowest)) for place in found)
+    out = [replace(place, log_likelihood=level) for place, level in zip(found, levels)]
     return sorted(out, key=lambda place: -place.log_likelihood)
 
 
