@@ -5,7 +5,7 @@ import pytest
 
 from sksurrogate.gap.fit._build import build_problem
 from sksurrogate.gap.fit._evidence import estimate_noise
-from sksurrogate.gap.unnamed._law_evidence import law_beside
+from sksurrogate.gap.unnamed._law_evidence import LawQuestion, law_beside
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics import ODESimulator
 from sksurrogate.physics._model import PlantModel
@@ -51,7 +51,7 @@ def left_by_the_null(law, shaken, seed, push=0.0, lag=0, step=0.0):
 def law(found):
     """The likeliest law beside the null."""
     problem = found.candidate.problem
-    return law_beside(found.candidate, gap(found), 0.1, (found.noise, problem.quiet(found.noise))).left
+    return law_beside(LawQuestion(found.candidate, (found.noise, problem.quiet(found.noise))), gap(found), 0.1).left
 
 
 def gap(found):

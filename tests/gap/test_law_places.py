@@ -10,7 +10,7 @@ from sksurrogate.gap.fit._build import build_problem
 from sksurrogate.gap.fit._evidence import estimate_noise
 from sksurrogate.gap.fit._linear_set import LinearSet, linear_set
 from sksurrogate.gap.unnamed import _law_evidence
-from sksurrogate.gap.unnamed._law_evidence import law_beside
+from sksurrogate.gap.unnamed._law_evidence import LawQuestion, law_beside
 from sksurrogate.gap.unnamed._law_shapes import PLAYS, SLEWS, followers, laws, of_time, over_sample, surfaces
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics import ODESimulator
@@ -61,7 +61,8 @@ def law(found, x):
     """The likeliest law beside a set, along a path; its size over the gap of what the set leaves."""
     problem = found.candidate.problem
     unit = np.sqrt(max(found.fit.cost / found.candidate.problem.record.n_values - 1.0, 1e-2))
-    return law_beside(found.candidate, unit, 0.1, (found.noise, problem.quiet(found.noise)), x[:2]).left
+    asked = LawQuestion(found.candidate, (found.noise, problem.quiet(found.noise)), x[:2])
+    return law_beside(asked, unit, 0.1).left
 
 
 @pytest.mark.parametrize("free", [(), ("k",)])
@@ -195,7 +196,8 @@ def played(u, width):
 def test_what_was_computed_of_a_set_answers_again(monkeypatch):
     problem, smoothed = problem_of(quintic, ("k",))
     found = fitted(problem, smoothed.x)
-    known, asked = {}, (found.candidate, 30.0, 0.1, (found.noise, problem.quiet(found.noise)), smoothed.x[:2])
+    known, noises = {}, (found.noise, problem.quiet(found.noise))
+    asked = LawQuestion(found.candidate, noises, smoothed.x[:2]), 30.0, 0.1
     first = law_beside(*asked, known=known)
     other = law_beside(*asked)
     assert (other.small, other.large, other.seed) == (first.small, first.large, first.seed)

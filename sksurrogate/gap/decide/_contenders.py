@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -15,7 +16,7 @@ from sksurrogate.gap.results._next_experiment import NATS_THAT_SETTLE
 from sksurrogate.gap.search._base import BaseSearch
 from sksurrogate.gap.search._nested import of_one_law
 from sksurrogate.gap.search._ode_search import OdeSearch
-from sksurrogate.gap.unnamed._law_evidence import LawBeside, law_beside, place_and_signal
+from sksurrogate.gap.unnamed._law_evidence import LawBeside, LawQuestion, law_beside, place_and_signal
 from sksurrogate.gap.unnamed._law_places import forms_of_places
 from sksurrogate.kernels.disturbance import Noise
 
@@ -176,27 +177,15 @@ def judged_law(
     problem, far = candidate.problem, _is_far(search, final)
     x = (search.x if far else final.candidate.fit.x)[: len(problem.plant.states)]
     noises = noises_of(final) if noises is None else noises
-    path = x if along or far else None
-    found = [law_along(search, candidate, noises, path, seeds=seeds, instead=instead)]
+    asked = LawQuestion(candidate, noises, x if along or far else None, seeds=seeds, instead=instead)
+    found = [law_along(search, asked)]
     if candidate.effects and final.left > AT_THE_NOISE and candidate.model.n_states == candidate.model.n_nominal:
-        found.append(law_along(search, candidate, noises, x, bare=True, seeds=seeds, instead=instead))
+        found.append(law_along(search, replace(asked, path=x, bare=True)))
     return max((one for one in found if one is not None), key=lambda one: one.total, default=None)
 
 
-def law_along(
-    search: OdeSearch,
-    candidate: OdeCandidate,
-    noises: Sequence[Noise],
-    x: np.ndarray | None,
-    bare: bool = False,
-    seeds: Sequence[tuple[int, int]] = (),
-    instead: OdeCandidate | None = None,
-) -> LawBeside | None:
+def law_along(search: OdeSearch, asked: LawQuestion) -> LawBeside | None:
     """A law beside a set; what was computed for it before is kept: the same set is judged whenever names are compared."""
-    fit, unit = candidate.fit, search.gap_over_noise
-    path = fit.x if x is None else x
-    own = None if instead is None else (instead.keys, instead.fit.theta.tobytes())
-    key = candidate.keys, fit.theta.tobytes(), path.tobytes(), x is None, bare, unit, own
+    unit = search.gap_over_noise
     with np.errstate(all="ignore"):
-        known = search.laws.setdefault(key, {})
-        return law_beside(candidate, unit, search.tolerance, noises, x, bare, seeds, known, instead)
+        return law_beside(asked, unit, search.tolerance, search.laws.setdefault((*asked.key, unit), {}))

@@ -28,7 +28,7 @@ from sksurrogate.gap.search._nested import of_one_law
 from sksurrogate.gap.search._ode_search import OdeSearch
 from sksurrogate.gap.search._set_search import COMES_BACK
 from sksurrogate.gap.search._stopping import closes_by_size, leaves_most
-from sksurrogate.gap.unnamed._law_evidence import LawBeside
+from sksurrogate.gap.unnamed._law_evidence import LawBeside, LawQuestion
 from sksurrogate.gap.unnamed._law_left import LawLeft
 
 #: Probability from which a name is given, and from which one stands beside others; below it a law does as well in its place.
@@ -228,5 +228,5 @@ def law_left_beside(search: OdeSearch, final: Evidence) -> LawLeft | None:
     else:
         problem = null.candidate.problem
         noises = null.noise, problem.quiet(null.noise)
-        law = law_along(search, null.candidate, noises, search.x[: len(problem.plant.states)])
+        law = law_along(search, LawQuestion(null.candidate, noises, search.x[: len(problem.plant.states)]))
     return None if law is None else law.left

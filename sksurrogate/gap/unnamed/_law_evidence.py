@@ -58,53 +58,57 @@ class LawBeside:
         return float(np.logaddexp(self.small, self.large))
 
 
-def law_beside(
-    candidate: OdeCandidate,
-    unit: float,
-    tolerance: float,
-    noises: Sequence[Noise],
-    x: np.ndarray | None = None,
-    bare: bool = False,
-    seeds: Sequence[tuple[int, int]] = (),
-    known: dict[Any, Any] | None = None,
-    instead: OdeCandidate | None = None,
-) -> LawBeside | None:
-    """The likeliest law beside a set of effects, along a path.
+@dataclass(frozen=True, eq=False)
+class LawQuestion:
+    """Which law is the likeliest beside a set of effects, along a path."""
 
-    ``candidate``: the set; its parameters follow to first order.
+    candidate: OdeCandidate  #: The set; its parameters follow to first order
+    #: Under which laws are compared; from each of them the noise is fitted beside the likeliest
+    noises: Sequence[Noise]
+    #: (n_states, n_samples): path of the plant's states about which the set is linear; None: its own free run
+    path: np.ndarray | None = None
+    #: Whether the simulator without effects carries laws and effects alike to the outputs, as regressors: an effect that is stiff, as
+    #: a friction at rest, would not let a law correct it
+    bare: bool = False
+    #: Of laws beside other sets about the same path: these are compared too, with a jump at zero where they have none
+    seeds: Sequence[tuple[int, int]] = ()
+    #: The set with the effect in whose place the law stands. What moves the outputs as this effect does is this effect, and no law
+    #: without a name: a form of one function, and, up to the tolerance, a law of its place and signal that is larger than the tolerance
+    instead: OdeCandidate | None = None
+
+    @property
+    def key(self) -> tuple[Any, ...]:
+        """The same for questions that differ in noises and seeds alone."""
+        sets = (None if one is None else (one.keys, one.fit.theta.tobytes()) for one in (self.candidate, self.instead))
+        return *sets, self.path is None, (self.candidate.fit.x if self.path is None else self.path).tobytes(), self.bare
+
+
+def law_beside(
+    asked: LawQuestion, unit: float, tolerance: float, known: dict[Any, Any] | None = None
+) -> LawBeside | None:
+    """The likeliest law beside a set of effects; None where the path cannot be followed.
+
     ``unit``: RMS of the gap over the noise: the size that counts as one.
     ``tolerance``: size of a law that is small.
-    ``noises``: under which laws are compared; from each of them the noise is fitted beside the likeliest.
-    ``x`` (n_states, n_samples): path of the plant's states about which the set is linear; its own free run by default.
-    ``bare``: whether the simulator without effects carries laws and effects alike to the outputs, as regressors: an
-        effect that is stiff, as a friction at rest, would not let a law correct it.
-    ``seeds``: of laws beside other sets about the same path: these are compared too, with a jump at zero where they
-        have none.
-    ``known``: what earlier questions about this set, this path and other noises or seeds have computed; new answers
-        are added.
-    ``instead``: the set with the effect in whose place the law stands. What moves the outputs as this effect does is this
-        effect, and no law without a name: a form of one function, and, up to the tolerance, a law of its place and signal
-        that is larger than the tolerance.
-    Returns None where the path cannot be followed.
+    ``known``: what earlier questions of the same key have computed; new answers are added.
     """
+    candidate, x, instead = asked.candidate, asked.path, asked.instead
     if x is None:
-        linear = linear_set(candidate)
+        linear, x = linear_set(candidate), candidate.fit.x
     else:
-        linear = as_regressors(candidate, x) if bare else linear_set(linear_along(candidate, x))
+        linear = as_regressors(candidate, x) if asked.bare else linear_set(linear_along(candidate, x))
     if not linear.finite:
         return None
     named = frozenset(map(place_and_signal, candidate.effects))
-    known = {} if known is None else known
-    path = candidate.fit.x if x is None else x
-    own = None if instead is None else carried(instead, candidate, linear.base, path[: candidate.model.n_nominal])
-    fit = _Fit(linear, unit, tolerance, named, known, own)
+    own = None if instead is None else carried(instead, candidate, linear.base, x[: candidate.model.n_nominal])
+    fit = _Fit(linear, unit, tolerance, named, {} if known is None else known, own)
     try:
-        best = fit.best(noises, seeds)
+        best = fit.best(asked.noises, asked.seeds)
         if instead is not None and fit.is_the_effect_again(best, instead.effects):
-            best = replace(fit, barred=fit.candidates[best.k].place).best(noises, seeds)
+            best = replace(fit, barred=fit.candidates[best.k].place).best(asked.noises, asked.seeds)
     except np.linalg.LinAlgError:
         return None
-    return fit.result(best, max(linear.log_likelihood(noise) for noise in noises))
+    return fit.result(best, max(linear.log_likelihood(noise) for noise in asked.noises))
 
 
 def place_and_signal(effect: BaseEffect) -> tuple[str, str]:
