@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
+from scipy.special import expit
 
 from sksurrogate.gap.decide._contenders import (
     Contender,
@@ -67,8 +68,7 @@ def weigh(search: OdeSearch, final: Evidence) -> Posterior:
         rests, seeds = [_without(whole, (i,)) for i in range(n)], [*seeds, own.seed]
         laws = [judged_law(search, final, rest, along=True, seeds=seeds, instead=whole) for rest in rests]
         without = [-np.inf if law is None else contender(search, rest, law).net for rest, law in zip(rests, laws)]
-    odds = (np.clip(np.logaddexp(one, empty) - net, -700.0, 700.0) for one in without)
-    return Posterior(tuple(float(1.0 / (1.0 + np.exp(value))) for value in odds), own)
+    return Posterior(tuple(float(expit(net - np.logaddexp(one, empty))) for one in without), own)
 
 
 def stands(search: OdeSearch, final: Evidence) -> tuple[Evidence, Posterior]:

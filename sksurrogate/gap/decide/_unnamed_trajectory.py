@@ -6,6 +6,7 @@ import warnings
 from typing import Any
 
 import numpy as np
+from scipy.special import expit
 
 from sksurrogate.gap.decide._generic_correction import Correction, generic_correction
 from sksurrogate.gap.decide._posterior import Posterior
@@ -52,8 +53,7 @@ class TrajectoryUnnamed(BaseUnnamed[TrajectoryCandidate]):
     def weigh(self, final: Evidence[TrajectoryCandidate]) -> Posterior:
         """How probable what stands is against none; no law inside can be put in the place of a name."""
         search = self.search
-        less = search.score(search.fitted_null.candidate) - search.score(final.candidate)
-        chance = float(1.0 / (1.0 + np.exp(np.clip(less, -700.0, 700.0))))
+        chance = float(expit(search.score(final.candidate) - search.score(search.fitted_null.candidate)))
         return Posterior((chance,) * len(final.effects), None)
 
     def look_at_what_is_left(self, final: Evidence[TrajectoryCandidate]) -> None:

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 from scipy.signal import welch
+from scipy.special import softmax
 
 from sksurrogate.gap.results._effect_estimate import EffectEstimate
 from sksurrogate.gap.results._shrink import Shrink
@@ -52,9 +53,8 @@ def by_location(found: Sequence[Place], named: Sequence[tuple[str, str, float]] 
     if not found:
         return Table()
     value = np.array([place.log_likelihood for place in found])
-    weight = np.exp(np.clip(value - value.max(), -700, 0))
     evidence = {(p.location, p.kind): float(v - value.min()) for p, v in zip(found, value)}
-    share = dict(zip(evidence, (float(w) for w in weight / weight.sum())))
+    share = dict(zip(evidence, softmax(value).tolist()))
     if named:
         share = dict.fromkeys(evidence, 0.0)
         for location, kind, part in named:
