@@ -23,9 +23,9 @@ from sksurrogate.exceptions import SimulatorError, SurrogateError
 from sksurrogate.gap._pipeline import DiagnosisPipeline
 from sksurrogate.gap._progress import Progress
 from sksurrogate.gap._state import Settings
-from sksurrogate.gap.decide._unnamed import BaseUnnamed
-from sksurrogate.gap.decide._unnamed_ode import OdeUnnamed
-from sksurrogate.gap.decide._unnamed_trajectory import TrajectoryUnnamed
+from sksurrogate.gap.decide._access import BaseAccess
+from sksurrogate.gap.decide._ode_access import OdeAccess
+from sksurrogate.gap.decide._trajectory_access import TrajectoryAccess
 from sksurrogate.gap.fit._build import build_problem, build_trajectory
 from sksurrogate.gap.fit._evidence import C
 from sksurrogate.gap.fit._jumps import JUMPS_NOTE, rows_that_jump, starts_behind
@@ -108,8 +108,8 @@ def begin_ode(task: Task) -> DiagnosisPipeline[OdeCandidate]:
     late = late if len(late) < len(library) else {}  # effects that were asked for alone are asked at once
     search = OdeSearch(problem, library, smoothed.x, lost=model.raised, later=later, later_asked=late, **common)
     closed = closed_places(diagnoser.exclude, diagnoser.plausible, plant)
-    unnamed = OdeUnnamed(search, task.seed, whole, closed, pieces)
-    return _prepared(task, search, unnamed, rows)
+    access = OdeAccess(search, task.seed, whole, closed, pieces)
+    return _prepared(task, search, access, rows)
 
 
 def begin_trajectory(task: Task) -> DiagnosisPipeline[TrajectoryCandidate]:
@@ -123,8 +123,8 @@ def begin_trajectory(task: Task) -> DiagnosisPipeline[TrajectoryCandidate]:
     _check_asked(plant, effects, testable)
     library = _allowed(testable, task)
     search = TrajectorySearch(problem, library, lost=problem.simulations.raised, **_common(task))
-    unnamed = TrajectoryUnnamed(search, task.seed, only_given=len(testable) < len(wanted))
-    return _prepared(task, search, unnamed, np.arange(whole.n_samples), left_out(effects, testable))
+    access = TrajectoryAccess(search, task.seed, only_given=len(testable) < len(wanted))
+    return _prepared(task, search, access, np.arange(whole.n_samples), left_out(effects, testable))
 
 
 def _say_slow(model: PlantModel, record: Record) -> None:
@@ -174,12 +174,12 @@ def _common(task: Task) -> dict[str, Any]:
 
 
 def _prepared(
-    task: Task, search: BaseSearch[C], unnamed: BaseUnnamed[C], rows: np.ndarray, untestable: Sequence[str] = ()
+    task: Task, search: BaseSearch[C], access: BaseAccess[C], rows: np.ndarray, untestable: Sequence[str] = ()
 ) -> DiagnosisPipeline[C]:
     """All stages of a search."""
     n_samples = search.problem.record.n_samples
     task.progress.say(f"{len(search.library)} candidates on {n_samples} samples of {len(task.runs)} run(s)")
-    return DiagnosisPipeline(task.diagnoser, search, unnamed, task.labels, rows, untestable)
+    return DiagnosisPipeline(task.diagnoser, search, access, task.labels, rows, untestable)
 
 
 @contextmanager

@@ -41,7 +41,7 @@ class LawStage(DiagnosisState[C]):
             beside, rest = self.law_in_place_of_names(found.held)
         if beside is None and rule.law and rule.verdict in ("partial", "unknown"):
             base = self.final if rule.verdict == "partial" else self.null
-            beside = self.unnamed.law_beside(base, self.final, found.held) if rest is None else rest
+            beside = self.access.law_beside(base, self.final, found.held) if rest is None else rest
         if beside is not None:
             found.held, found.beside = beside.held, beside
             self.measure()
@@ -66,11 +66,11 @@ class LawStage(DiagnosisState[C]):
 
         None where the names stand; and the law that they leave, where it was asked for.
         """
-        beside = self.unnamed.law_beside(self.null, self.final, held)
-        if beside is None or not self.unnamed.law_instead(beside, self.final, None):
+        beside = self.access.law_beside(self.null, self.final, held)
+        if beside is None or not self.access.law_instead(beside, self.final, None):
             return None, None
-        rest = self.unnamed.law_beside(self.final, self.final, held)
-        if rest is not None and not self.unnamed.law_instead(beside, self.final, rest):
+        rest = self.access.law_beside(self.final, self.final, held)
+        if rest is not None and not self.access.law_instead(beside, self.final, rest):
             return None, rest
         after = self.withdraw_names(INSTEAD)
         return replace(beside, held=replace(after, law=beside.held.law)), None
@@ -97,7 +97,7 @@ class LawStage(DiagnosisState[C]):
         beside, known = self.found.beside, self.found.values
         final = self.final if known is None else known.fitted
         final = beside.fitted if self.carried_law and beside is not None else final
-        named, scale = final.candidate, self.unnamed.scale
+        named, scale = final.candidate, self.access.scale
         problem, plant = named.problem, named.problem.plant
         values = [
             {p.name: float(v) for p, v in zip(effect.parameters, named.theta_of(i))}

@@ -57,7 +57,7 @@ class DiagnosisPipeline(LawStage[C]):
                         return None
             except KeyboardInterrupt:
                 warnings.warn(INTERRUPTED, UserWarning, stacklevel=3)
-                self.complete = self.unnamed.complete = False
+                self.complete = self.access.complete = False
             with quiet():
                 return self.answer(time.perf_counter() - progress.started_at)
 
@@ -87,7 +87,7 @@ class DiagnosisPipeline(LawStage[C]):
     def baseline(self) -> Baseline:
         """What needs no name."""
         early = self.learner is None and self.search.later.apart
-        return Baseline(self.null, self.unnamed.correction(self.learner), early, self.search.later)
+        return Baseline(self.null, self.access.correction(self.learner), early, self.search.later)
 
     # ---- the stages -------------------------------------------------------------------------------------------------
     def fit_null(self) -> None:
@@ -95,13 +95,13 @@ class DiagnosisPipeline(LawStage[C]):
         self.search.fit_null()
         soon = self.started_at + SOON * (self.time_limit or np.inf)
         with self.answered("whether the record has another unit"), time_until(soon):
-            self.unnamed.begin()
-        if self.unnamed.asks_early:
+            self.access.begin()
+        if self.access.asks_early:
             _ = self.baseline
 
     def look_for_names(self) -> None:
         """The search, and effects that begin or end within the runs; nothing where the record has another unit."""
-        if self.unnamed.other_unit:
+        if self.access.other_unit:
             return
         try:
             self.search.run()
@@ -112,15 +112,15 @@ class DiagnosisPipeline(LawStage[C]):
 
     def look_at_the_record(self) -> None:
         """What is seen on top of the names, and whether what they leave is a fault of the record."""
-        self.unnamed.ask_for_places(self.final)
-        if self.unnamed.other_unit:
+        self.access.ask_for_places(self.final)
+        if self.access.other_unit:
             return
         if self.book is not None and time.perf_counter() - self.started_at < SOON * (self.time_limit or np.inf):
-            self.book = self.book.with_next_fault(self.search, self.rows, self.unnamed.law_left)
+            self.book = self.book.with_next_fault(self.search, self.rows, self.access.law_left)
 
     def weigh_names(self) -> None:
         """Whether a law without a name does as well as what was named."""
-        self.posterior = self.unnamed.weigh(self.final)
+        self.posterior = self.access.weigh(self.final)
         if self.posterior.too_far:
             self.found.uncertified = _notes.too_little(self.posterior.too_far)
 
@@ -141,7 +141,7 @@ class DiagnosisPipeline(LawStage[C]):
         """Names chosen and fitted without each fold of runs, and what needs no name; the next experiment in the second process."""
         found, final = self.found, self.final
         self.experiment = self.search.second.ask(
-            partial(next_experiment, final, found.classes, self.unnamed.separations)
+            partial(next_experiment, final, found.classes, self.access.separations)
         )
         found.finals = names_by_fold(self.search, final, found.classes)
         without = self.baseline.held(self.null, bool(final.effects))
@@ -151,7 +151,7 @@ class DiagnosisPipeline(LawStage[C]):
         """The force that the names leave, and how far the gap shrinks above the noise."""
         if self.found.held is None:
             return
-        self.unnamed.look_at_what_is_left(self.final)
+        self.access.look_at_what_is_left(self.final)
         self.measure()
 
     def certify(self) -> None:
@@ -179,10 +179,10 @@ class DiagnosisPipeline(LawStage[C]):
     def effects(self, verdict: str) -> list[EffectEstimate]:
         """The named effects, by their share; where re-tuning alone closes the gap the parameters that moved."""
         found = self.found
-        out = estimates(self.search, self.final, found, self.unnamed.among)
+        out = estimates(self.search, self.final, found, self.access.among)
         if not out and verdict == "explained":
             share = found.shrink.fraction_power if found.shrink else float("nan")
-            out = parameter_errors(self.retuned(), share, self.unnamed.imitated_by_retuning())
+            out = parameter_errors(self.retuned(), share, self.access.imitated_by_retuning())
         return sorted(out, key=lambda e: -e.share if np.isfinite(e.share) else 0.0)
 
     def where(self, verdict: str, effects: list[EffectEstimate]) -> Where:
@@ -195,8 +195,8 @@ class DiagnosisPipeline(LawStage[C]):
             location, kind, _ = named[0]
         elif verdict == "unknown":
             law = found.law if found.law is not None and found.law.tells_the_place else None
-            location, kind = (law.location, law.kind) if law is not None else self.unnamed.likely_place(final)
-        places = self.unnamed.places
+            location, kind = (law.location, law.kind) if law is not None else self.access.likely_place(final)
+        places = self.access.places
         if found.shrink is None or places is None or found.held is None:
             return Where(location, kind)
         return Where(
@@ -204,7 +204,7 @@ class DiagnosisPipeline(LawStage[C]):
             kind,
             _where.by_output(found.shrink),
             _where.by_location(places, named),
-            *self.unnamed.where_and_when(location, kind),
+            *self.access.where_and_when(location, kind),
             _where.by_frequency(found.held.record, found.held.before, self.floor()),
         )
 
@@ -236,7 +236,7 @@ class DiagnosisPipeline(LawStage[C]):
             budget=self.budget(),
             remainder=self.remainder(),
             data=faults_of(self.book, self.null.candidate, self.rows),
-            scale=() if self.unnamed.scale is None else tuple(map(float, self.unnamed.scale)),
+            scale=() if self.access.scale is None else tuple(map(float, self.access.scale)),
             sharpness=final.candidate.problem.sharpness,
             mistakes=_notes.mistakes(list(self.search.lost)),
         )
@@ -248,8 +248,8 @@ class DiagnosisPipeline(LawStage[C]):
         with self.answered("the place of the gap"), time_until(limit):
             if time_left() > 0.0:
                 place = self.where(verdict, effects)
-            if verdict in ("partial", "unknown") and self.unnamed.places is not None and place.location is not None:
-                term = self.unnamed.channels.missing_term(place.location, str(place.kind))
+            if verdict in ("partial", "unknown") and self.access.places is not None and place.location is not None:
+                term = self.access.channels.missing_term(place.location, str(place.kind))
                 term = replace(term, law=self.found.law)
         return place, term
 
@@ -259,15 +259,15 @@ class DiagnosisPipeline(LawStage[C]):
         if shrink is None or not shrink.measurable:
             return EMPTY
         names = [name_of(effect) for effect in self.final.effects]
-        return budget_of(names, found.parts.shares, found.parts.retuning, shrink, self.unnamed.beside, found.law)
+        return budget_of(names, found.parts.shares, found.parts.retuning, shrink, self.access.beside, found.law)
 
     def remainder(self) -> Remainder:
         """What is left beside everything that is named."""
         found, shrink = self.found, self.found.shrink
-        if shrink is None or self.unnamed.places is None:
+        if shrink is None or self.access.places is None:
             return NOTHING_KNOWN
-        over_noise = self.unnamed.over_noise(self.final, found.retuned)
-        return remainder_of(shrink, share_left(shrink), over_noise, self.unnamed.beside)
+        over_noise = self.access.over_noise(self.final, found.retuned)
+        return remainder_of(shrink, share_left(shrink), over_noise, self.access.beside)
 
     def from_run_to_run(self) -> list[str]:
         """Whether one cause has another size in every run: said, since a name has one size."""
@@ -292,7 +292,7 @@ class DiagnosisPipeline(LawStage[C]):
         )
         if verdict == "none" and found.shrink is not None:
             notes += _notes.on_none(found.shrink)
-        notes += self.unnamed.notes(final, verdict)
+        notes += self.access.notes(final, verdict)
         notes += self.from_run_to_run() if verdict != "none" else []
         notes += [*_notes.at_a_bound(self.retuned()), *_notes.lost_candidates(list(self.search.lost))]
         loop = closed_loop(problem.record, final.fit.y, problem.plant.inputs)

@@ -9,6 +9,7 @@ from typing import Any, Generic, Protocol
 import numpy as np
 
 from sksurrogate._parallel._worker_process import PendingAnswer
+from sksurrogate.gap.decide._access import BaseAccess
 from sksurrogate.gap.decide._equivalence import EquivalenceClass, probabilities
 from sksurrogate.gap.decide._held_out import HeldOut, measure, shares
 from sksurrogate.gap.decide._intervals import intervals, is_sized
@@ -16,7 +17,6 @@ from sksurrogate.gap.decide._partial_results import PartialResults, Parts, WithI
 from sksurrogate.gap.decide._posterior import Posterior
 from sksurrogate.gap.decide._retuning import retuned_table
 from sksurrogate.gap.decide._rules import DecisionFeatures, decide, share_left
-from sksurrogate.gap.decide._unnamed import BaseUnnamed
 from sksurrogate.gap.faults._record_book import RecordBook
 from sksurrogate.gap.fit._evidence import C, Evidence
 from sksurrogate.gap.results._next_experiment import NextExperiment
@@ -45,7 +45,7 @@ class DiagnosisState(Generic[C]):
 
     ``settings``: of the diagnoser. A stage that is not over at its share of the ``time_limit`` is cut, and the next ones answer what
         they can.
-    ``unnamed``: what no name answers, as far as the simulator's access allows it.
+    ``access``: the questions that only some kinds of access answer.
     ``labels``: of the runs.
     ``rows``: rows of the whole record that the search sees.
     ``untestable``: effects that were asked for and cannot be tested.
@@ -58,12 +58,12 @@ class DiagnosisState(Generic[C]):
         self,
         settings: Settings,
         search: BaseSearch[C],
-        unnamed: BaseUnnamed[C],
+        access: BaseAccess[C],
         labels: Sequence[Any],
         rows: np.ndarray,
         untestable: Sequence[str],
     ):
-        self.problem, self.search, self.unnamed = search.problem, search, unnamed
+        self.problem, self.search, self.access = search.problem, search, access
         self.labels, self.rows = labels, rows
         self.learner, self.untestable = settings.correction, tuple(untestable)
         self.posterior = Posterior((), None)
@@ -93,7 +93,7 @@ class DiagnosisState(Generic[C]):
     def measure(self) -> None:
         """How far the gap shrinks on runs left out."""
         assert self.found.held is not None
-        self.found.shrink = measure(self.found.held, self.floor(), self.problem.plant.outputs, self.unnamed.seed)
+        self.found.shrink = measure(self.found.held, self.floor(), self.problem.plant.outputs, self.access.seed)
 
     def floor(self) -> np.ndarray:
         """Sensor noise of what stands, with its law where one is certified, and what noise on inputs moves the outputs by."""
@@ -101,7 +101,7 @@ class DiagnosisState(Generic[C]):
         stands: Evidence = self.final
         if law is not None and law.certified and beside is not None:
             stands = beside.law.found
-        return np.hypot(self.unnamed.sensor_noise(stands), self.problem.record.input_noise)
+        return np.hypot(self.access.sensor_noise(stands), self.problem.record.input_noise)
 
     def share_the_gap(self) -> None:
         """What of the gap each effect closes, how probable it is, and the intervals of all parameters."""
@@ -115,9 +115,9 @@ class DiagnosisState(Generic[C]):
             found.parts = Parts(tuple(own), retuning, tuple(chances))
         else:
             found.parts = Parts(retuning=found.shrink.fraction_power if found.retuned else 0.0)
-            self.unnamed.weigh_none()
+            self.access.weigh_none()
         if final.effects or self.problem.free:
-            larger = self.unnamed.larger(final)
+            larger = self.access.larger(final)
             found.values = WithIntervals(larger, *intervals(larger))
 
     def retuned(self) -> Table:
@@ -137,7 +137,7 @@ class DiagnosisState(Generic[C]):
         found.uncertified = why
         self.search.final, found.classes, found.finals = null, [], []
         found.parts, found.values, found.experiment = Parts(), None, None
-        self.unnamed.withdraw(null)
+        self.access.withdraw(null)
         after = held.retuned if self.problem.free else held.before
         found.held = HeldOut(held.record, held.before, after, held.retuned, held.corrected)
         self.measure()
@@ -150,17 +150,17 @@ class DiagnosisState(Generic[C]):
 
     def features(self) -> DecisionFeatures | None:
         """What the verdict is decided on; None where not all of it is known."""
-        found, final, shrink, unnamed = self.found, self.final, self.found.shrink, self.unnamed
-        if shrink is None or unnamed.places is None or (final.effects and not found.parts.probabilities):
+        found, final, shrink, access = self.found, self.final, self.found.shrink, self.access
+        if shrink is None or access.places is None or (final.effects and not found.parts.probabilities):
             return None
-        law, rounding = unnamed.beside, unnamed.rounding(final)
+        law, rounding = access.beside, access.rounding(final)
         return DecisionFeatures(
             names=len(final.effects),
             probability=min(found.parts.probabilities, default=1.0),
             sized=found.values is None or is_sized(final.effects, found.values.low, found.values.high),
             retuned=found.retuned,
             share_left=share_left(shrink),
-            left=unnamed.over_noise(final, found.retuned),
+            left=access.over_noise(final, found.retuned),
             lawful=law.size if law is not None else 0.0,
             after=shrink.after,
             error=shrink.before if np.isfinite(shrink.before) else np.inf,
@@ -168,7 +168,7 @@ class DiagnosisState(Generic[C]):
             curve_moved=law.deviation if law is not None else 0.0,
             rounding=rounding.share if rounding is not None else 0.0,
             noisy_input=bool(self.noisy_inputs),
-            other_unit=bool(unnamed.other_unit),
+            other_unit=bool(access.other_unit),
             at_bound=any(row["at_bound"] for row in self.retuned()),
             tolerance=self.search.tolerance,
         )

@@ -8,8 +8,8 @@ import pytest
 from sksurrogate.effects import CATALOGUE
 from sksurrogate.effects._formula import Term
 from sksurrogate.gap._law_stage import LawStage
+from sksurrogate.gap.decide._ode_access import OdeAccess
 from sksurrogate.gap.decide._rules import DecisionFeatures, first_rule
-from sksurrogate.gap.decide._unnamed_ode import OdeUnnamed
 from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.fit._ode import Numerics, OdeCandidate
 from sksurrogate.gap.search import _set_search
@@ -95,12 +95,12 @@ def test_one_formula_takes_the_place_of_several_names_only_where_it_is_clearly_l
     search = SimpleNamespace(library=[None] * 100, order=lambda candidates: worths.__getitem__)
     law, beside = found("law", 20.0), None if rest is None else found("names and a law", 15.0)
     final = SimpleNamespace(candidate="names", effects=(1, 2, 3))
-    unnamed = SimpleNamespace(search=search)
-    assert OdeUnnamed.law_instead(unnamed, law, final, beside) is instead
+    access = SimpleNamespace(search=search)
+    assert OdeAccess.law_instead(access, law, final, beside) is instead
     two = SimpleNamespace(candidate="names", effects=(1, 2))  # as many as the parts of the law, which share no signal
-    assert not OdeUnnamed.law_instead(unnamed, law, two, beside)
+    assert not OdeAccess.law_instead(access, law, two, beside)
     law.law.curve = True
-    assert not OdeUnnamed.law_instead(unnamed, law, final, beside)
+    assert not OdeAccess.law_instead(access, law, final, beside)
 
 
 @pytest.mark.parametrize(
@@ -124,7 +124,7 @@ def test_three_names_that_leave_a_law_are_withdrawn_and_of_two_one_law_may_take_
     stage.features = lambda: features
     stage.share_the_gap = lambda: None
     stage.withdraw = lambda why: said.append(why) or setattr(stage.search, "standing", null)
-    stage.unnamed = SimpleNamespace(law_beside=lambda base, final, held: asked.append(base))
+    stage.access = SimpleNamespace(law_beside=lambda base, final, held: asked.append(base))
     stage.look_for_a_law()
     assert first_rule(features).name == rule
     assert bool(said) is (rule == "imitations")

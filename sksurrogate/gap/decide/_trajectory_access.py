@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from scipy.special import expit
 
+from sksurrogate.gap.decide._access import BaseAccess
 from sksurrogate.gap.decide._generic_correction import Correction, generic_correction
 from sksurrogate.gap.decide._posterior import Posterior
 from sksurrogate.gap.decide._separations import of_trajectories
-from sksurrogate.gap.decide._unnamed import BaseUnnamed
 from sksurrogate.gap.fit._closeness import SETTLED
 from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.fit._trajectory import TrajectoryCandidate
@@ -32,7 +32,7 @@ TRANSIENTS = (
 )
 
 
-class TrajectoryUnnamed(BaseUnnamed[TrajectoryCandidate]):
+class TrajectoryAccess(BaseAccess[TrajectoryCandidate]):
     """Seen through a linear surrogate, after the search: it moves the initial states.
 
     ``only_given``: whether the simulator answers no other inputs than those in X.

@@ -11,6 +11,7 @@ import numpy as np
 
 from sksurrogate._parallel._worker_process import PendingAnswer
 from sksurrogate.effects._formula import separate_parts
+from sksurrogate.gap.decide._access import BaseAccess
 from sksurrogate.gap.decide._generic_correction import Correction, generic_correction, known_runs
 from sksurrogate.gap.decide._held_out import HeldOut
 from sksurrogate.gap.decide._law_certificate import CertifiedLaw, held_out_law
@@ -19,7 +20,6 @@ from sksurrogate.gap.decide._retuning import imitated_by_retuning
 from sksurrogate.gap.decide._rounded_kinks import notes_on_kinks
 from sksurrogate.gap.decide._rules import left_over
 from sksurrogate.gap.decide._separations import of_ode
-from sksurrogate.gap.decide._unnamed import BaseUnnamed
 from sksurrogate.gap.fit._build import build_problem
 from sksurrogate.gap.fit._closeness import NEARLY_WHITE, SETTLED
 from sksurrogate.gap.fit._evidence import CERTAIN, Evidence, estimate_noise
@@ -60,7 +60,7 @@ def lost_places(names: Sequence[str]) -> list[str]:
     ]
 
 
-class OdeUnnamed(BaseUnnamed[OdeCandidate]):
+class OdeAccess(BaseAccess[OdeCandidate]):
     """Along the free run, and along the smoothed path.
 
     ``whole``: all of a long record.

@@ -23,7 +23,7 @@ from sksurrogate.gap.unnamed._channels import Channels
 from sksurrogate.gap.unnamed._law_left import LawLeft
 
 
-class BaseUnnamed(ABC, Generic[C]):
+class BaseAccess(ABC, Generic[C]):
     """Questions on top of what is named; those that only a right-hand side answers have no answer here.
 
     ``complete``: False after an interrupt: nothing that takes long is asked any more.
