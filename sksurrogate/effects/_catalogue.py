@@ -149,6 +149,16 @@ def left_out(effects: Any, tested: Iterable[BaseEffect]) -> list[str]:
     return list(dict.fromkeys(names))
 
 
+def name_of(effect: BaseEffect) -> str:
+    """Readable name of an effect.
+
+    >>> name_of(CATALOGUE["coulomb_friction"]("speed", "speed"))
+    'coulomb_friction at speed in speed'
+    """
+    window = f" with an {effect.key[3]}" if len(effect.key) > 3 else ""
+    return f"{effect.name} at {effect.location}" + (f" in {effect.variable}" if effect.variable else "") + window
+
+
 def _wanted(effects: Any) -> list[Any]:
     """The entries of ``effects=``."""
     if effects is None:

@@ -11,6 +11,7 @@ from functools import cached_property, partial
 
 import numpy as np
 
+from sksurrogate.effects._catalogue import name_of
 from sksurrogate.effects._ports import kind_at
 from sksurrogate.gap._law_stage import LawStage
 from sksurrogate.gap._progress import INTERRUPTED, SOON, Progress, Stage, quiet
@@ -18,7 +19,7 @@ from sksurrogate.gap.decide._budget import budget_of, remainder_of
 from sksurrogate.gap.decide._choice_by_fold import names_by_fold
 from sksurrogate.gap.decide._equivalence import canonical_classes
 from sksurrogate.gap.decide._estimates import estimates, ranking
-from sksurrogate.gap.decide._experiment import name_of, next_experiment
+from sksurrogate.gap.decide._experiment import next_experiment
 from sksurrogate.gap.decide._held_out import Baseline, held_out, likelier_held_out, notes_on_names, same_names, traces
 from sksurrogate.gap.decide._retuning import parameter_errors
 from sksurrogate.gap.decide._rules import certified, share_left

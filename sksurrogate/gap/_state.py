@@ -117,7 +117,7 @@ class DiagnosisState(Generic[C]):
             found.parts = Parts(retuning=found.shrink.fraction_power if found.retuned else 0.0)
             self.access.weigh_none()
         if final.effects or self.problem.free:
-            larger = self.access.larger(final)
+            larger = self.access.fitted_on_more(final)
             found.values = WithIntervals(larger, *intervals(larger))
 
     def retuned(self) -> Table:

@@ -124,7 +124,7 @@ class BaseAccess(ABC, Generic[C]):
         return []
 
     # ---- long records -----------------------------------------------------------------------------------------------
-    def larger(self, final: Evidence[C]) -> Evidence[C]:
+    def fitted_on_more(self, final: Evidence[C]) -> Evidence[C]:
         """What stands, fitted on more of a long record."""
         return final
 

@@ -7,19 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.effects._catalogue import name_of
 from sksurrogate.gap.decide._equivalence import EquivalenceClass
 from sksurrogate.gap.decide._separations import Separations
 from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.results._next_experiment import ENOUGH, NATS_THAT_SETTLE, NextExperiment
 from sksurrogate.gap.results._table import Table
 from sksurrogate.kernels.record import Record
-
-
-def name_of(effect: BaseEffect) -> str:
-    """Readable name of an effect."""
-    window = f" with an {effect.key[3]}" if len(effect.key) > 3 else ""
-    return f"{effect.name} at {effect.location}" + (f" in {effect.variable}" if effect.variable else "") + window
 
 
 def leaves_the_range(u: np.ndarray, recorded: np.ndarray) -> bool:

@@ -20,8 +20,7 @@ from sksurrogate.gap.results._law import Law
 from sksurrogate.gap.results._shrink import Shrink
 from sksurrogate.gap.search._ode_search import OdeSearch
 from sksurrogate.gap.unnamed._formula_fit import FittedLaw
-from sksurrogate.physics._simulator import Plant
-from sksurrogate.physics._simulator import units_of as units_by_name
+from sksurrogate.physics._simulator import Plant, units_of
 
 #: Share of what is left beside the names (amplitude) that a law must close on runs left out.
 CERTIFICATE = 0.15
@@ -80,7 +79,7 @@ def law_of(beside: CertifiedLaw, plant: Plant, shrink: Shrink) -> Law:
         effect,
         dict(zip(names, map(float, theta))),
         dict(zip(names, (float(s) if np.isfinite(s) else float("nan") for s in spread))),
-        units_of(effect, fitted.kind, plant),
+        units_of_law(effect, fitted.kind, plant),
         share_of_law(shrink),
         {name: (float(np.min(signals[name])), float(np.max(signals[name]))) for name in drivers},
         fitted.curve,
@@ -96,9 +95,9 @@ POWERS = {"v": 1, "square": 2, "cube": 3, "fourth": 4, "drag": 2, "size": 1, "ab
 POWERS_OF_CONSTANTS = {"power": (0,), "wave": (-1,), "swing": (-1, 0), "hill": (1, 0)}
 
 
-def units_of(effect: AnyLaw, kind: str, plant: Plant) -> dict[str, str]:
+def units_of_law(effect: AnyLaw, kind: str, plant: Plant) -> dict[str, str]:
     """Units of the parameters, as far as the simulator names those of its signals; empty where they do not follow."""
-    given = units_by_name(plant.simulator)
+    given = units_of(plant.simulator)
     time, own = given.get("time", ""), given.get(str(effect.location), "")
     placed = over(own, time) if kind == "state" else own
     coefficients, constants = [], []

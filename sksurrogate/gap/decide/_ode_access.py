@@ -10,15 +10,15 @@ from typing import Any
 import numpy as np
 
 from sksurrogate._parallel._worker_process import PendingAnswer
+from sksurrogate.effects._catalogue import name_of
+from sksurrogate.effects._effect import BalanceEffect, BaseEffect, HiddenEffect
 from sksurrogate.effects._formula import separate_parts
 from sksurrogate.gap.decide._access import BaseAccess
 from sksurrogate.gap.decide._generic_correction import Correction, generic_correction, known_runs
 from sksurrogate.gap.decide._held_out import HeldOut
 from sksurrogate.gap.decide._law_certificate import CertifiedLaw, held_out_law
-from sksurrogate.gap.decide._posterior import Posterior, law_left_beside, stands
+from sksurrogate.gap.decide._posterior import Posterior, law_left_beside, let_stand
 from sksurrogate.gap.decide._retuning import imitated_by_retuning
-from sksurrogate.gap.decide._rounded_kinks import notes_on_kinks
-from sksurrogate.gap.decide._rules import left_over
 from sksurrogate.gap.decide._separations import of_ode
 from sksurrogate.gap.fit._build import build_problem
 from sksurrogate.gap.fit._closeness import NEARLY_WHITE, SETTLED
@@ -44,6 +44,7 @@ PIECES_NOTE = (
     "The candidates were compared on {some} of {whole} samples, in pieces spread over the record; what is named was fitted on more "
     "of them."
 )
+KINK_NOTE = "The kink of {name} is round: it turns over about {width:.3g} of {variable} to each side, as fitted."
 
 
 def lost_places(names: Sequence[str]) -> list[str]:
@@ -58,6 +59,34 @@ def lost_places(names: Sequence[str]) -> list[str]:
         f"No missing term could be looked for at {', '.join(names)}: the simulator's response to a signal there is not finite along "
         "the measured runs."
     ]
+
+
+def notes_on_kinks(candidate: OdeCandidate) -> list[str]:
+    """Over how much of their variables the named laws turn, where that was fitted."""
+    if not candidate.problem.numerics.rounded:
+        return []
+    widths = candidate.model.bind(candidate.fit.theta[:, None]).widths
+    return [
+        KINK_NOTE.format(name=name_of(effect), width=width, variable=effect.variable)
+        for i, (effect, width) in enumerate(zip(candidate.effects, widths))
+        if has_kink(effect, candidate.theta_of(i), width)
+    ]
+
+
+def has_kink(effect: BaseEffect, theta: np.ndarray, width: float) -> bool:
+    """Whether a law without states of its own changes within a width of a signal with that width.
+
+    >>> from sksurrogate.effects import CATALOGUE
+    >>> has_kink(CATALOGUE["coulomb_friction"]("v", "v"), np.array([1.0]), 0.1)
+    True
+    >>> has_kink(CATALOGUE["linear_loss"]("v", "v"), np.array([1.0]), 0.1)
+    False
+    """
+    if not isinstance(effect, BalanceEffect) or isinstance(effect, HiddenEffect) or "*" in str(effect.variable):
+        return False
+    v = width * np.linspace(-1.0, 1.0, 9)
+    wide, narrow = (effect.term(np.zeros(9), v, v, list(theta), one) for one in (width, 0.5 * width))
+    return not np.allclose(wide, narrow)
 
 
 class OdeAccess(BaseAccess[OdeCandidate]):
@@ -111,7 +140,7 @@ class OdeAccess(BaseAccess[OdeCandidate]):
         if not final.effects:
             return Posterior((), None)
         self.search.report("whether a law without a name does as well")
-        _, posterior = stands(self.search, final)
+        _, posterior = let_stand(self.search, final)
         self.beside = posterior.law.left if posterior.law is not None else None
         return posterior
 
@@ -134,8 +163,12 @@ class OdeAccess(BaseAccess[OdeCandidate]):
 
     # ---- the verdict ------------------------------------------------------------------------------------------------
     def over_noise(self, final: Evidence[OdeCandidate], retuned: bool) -> float:
+        """In the worst output. Sensors are at least as noisy as they are beside a force in every balance: a noise fit may call white noise
+        coloured. Where nothing is named, noise beyond the largest is a gap that the noise fit has swallowed.
+        """
         assert self.beside_forces is not None
-        return left_over(final, self.beside_forces, self.most_noise, retuned)
+        most = np.inf if final.effects or retuned else self.most_noise
+        return final.left_within(most, np.minimum(self.beside_forces, self.most_noise))
 
     def rounding(self, final: Evidence[OdeCandidate]) -> Rounding | None:
         found = unnamed_rounding(final.candidate)
@@ -164,7 +197,7 @@ class OdeAccess(BaseAccess[OdeCandidate]):
             return None
         best = laws[0].found
         evidence = search.score(best.candidate) - laws[0].price - search.score(base.candidate)
-        return CertifiedLaw(laws[0], held_out_law(search, laws, held), self.larger(best), evidence)
+        return CertifiedLaw(laws[0], held_out_law(search, laws, held), self.fitted_on_more(best), evidence)
 
     def law_instead(self, beside: CertifiedLaw, final: Evidence[OdeCandidate], rest: CertifiedLaw | None) -> bool:
         search, law = self.search, beside.law
@@ -201,7 +234,7 @@ class OdeAccess(BaseAccess[OdeCandidate]):
         return [(effect.name, str(effect.location), effect.variable) for effect in found]
 
     # ---- long records -----------------------------------------------------------------------------------------------
-    def larger(self, final: Evidence[OdeCandidate]) -> Evidence[OdeCandidate]:
+    def fitted_on_more(self, final: Evidence[OdeCandidate]) -> Evidence[OdeCandidate]:
         at = final.candidate.problem
         if self.whole.n_samples == at.record.n_samples:
             return final

@@ -71,8 +71,8 @@ def weigh(search: OdeSearch, final: Evidence) -> Posterior:
     return Posterior(tuple(float(expit(net - np.logaddexp(one, empty))) for one in without), own)
 
 
-def stands(search: OdeSearch, final: Evidence) -> tuple[Evidence, Posterior]:
-    """The set that is likeliest beside a law, without effects that the tolerance does not need. And its posterior.
+def let_stand(search: OdeSearch, final: Evidence) -> tuple[Evidence, Posterior]:
+    """Let the set stand that is likeliest beside a law, without effects that the tolerance does not need: it, and its posterior.
 
     Effects in whose place a law does as well are taken out, the least probable first, and those that only correct the form of
     another; another effect takes the place of one where that is likelier. Names that leave most of the gap in the data that they
@@ -126,7 +126,7 @@ def _sure_part(search: OdeSearch, final: Evidence, posterior: Posterior) -> tupl
         return final, posterior
     fewer = search.without(final.candidate, int(np.argmin(chances)))
     if fewer is not None and fewer.effects:
-        sure = stands(search, _taken(search, fewer, final))
+        sure = let_stand(search, _taken(search, fewer, final))
         if sure[0].effects:
             return sure
     search.stand(final.candidate)

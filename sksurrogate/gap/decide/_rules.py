@@ -9,13 +9,15 @@ import numpy as np
 
 from sksurrogate.gap.decide._posterior import CERTAIN_NAME
 from sksurrogate.gap.fit._closeness import FAR, LARGEST_DISTURBANCE, MOST_LEFT, NEAR, NEARLY_WHITE, SETTLED
-from sksurrogate.gap.fit._evidence import CERTAIN, Evidence
+from sksurrogate.gap.fit._evidence import CERTAIN
 from sksurrogate.gap.results._reasons import Reasons
 from sksurrogate.gap.results._shrink import Shrink
 from sksurrogate.gap.search._stopping import STACK
 
 #: Share of a small gap (error over the deviation of the outputs) beyond the noise that names must close.
 CERTIFICATE_OF_SMALL, SMALL_GAP = 0.6, 0.02
+#: A gap below this share of the outputs' deviation is of no practical size; one below :data:`SMALL_GAP` where it is near the noise.
+PRACTICAL = 0.005
 
 
 @dataclass(frozen=True)
@@ -66,20 +68,6 @@ def share_left(shrink: Shrink) -> float:
     if not np.isfinite(shrink.fraction):
         return 0.0
     return float((1.0 - shrink.fraction) * (max(shrink.before, 1.0) if np.isfinite(shrink.before) else 1.0))
-
-
-def left_over(final: Evidence, noise: np.ndarray, most_noise: np.ndarray, retuned: bool) -> float:
-    """Free-run error that is left, in units of the noise (the worst output).
-
-    Sensors are at least as noisy as they are beside a force in every balance: a noise fit may call white noise coloured. Where nothing
-    is named, noise beyond ``most_noise`` is a gap that the noise fit has swallowed.
-    """
-    most = np.inf if final.effects or retuned else most_noise
-    return final.left_within(most, np.minimum(noise, most_noise))
-
-
-#: A gap below this share of the outputs' deviation is of no practical size; one below :data:`SMALL_GAP` where it is near the noise.
-PRACTICAL = 0.005
 
 
 @dataclass(frozen=True)
