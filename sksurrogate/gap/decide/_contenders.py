@@ -87,7 +87,9 @@ def elsewhere(search: OdeSearch, final: Evidence, own: Contender) -> list[tuple[
         for one in _near(search, final)
         if search.own(one) is not None and not (one in swapped or keys <= set(one.keys) or keys >= set(one.keys))
     ]
-    return [(_held(one, final.candidate), search.evidence(one) - level + _before(search, one) - own.before) for one in apart]
+    return [
+        (_held(one, final.candidate), search.evidence(one) - level + _before(search, one) - own.before) for one in apart
+    ]
 
 
 def _held(one: OdeCandidate, other: OdeCandidate) -> frozenset:
