@@ -149,7 +149,8 @@ class SetSearch(SetMoves[C]):
         """
         left = self.judged[best].left
         hopeless = self.hopeless if passed and left < AT_THE_NOISE else 0.0
-        trial = self.ranked(self.expand(best, Wanted(8, 4, siblings=True, least=hopeless)), best)
+        wanted = Wanted(4, 2, least=hopeless) if self.frugal else Wanted(8, 4, siblings=True, least=hopeless)
+        trial = self.ranked(self.expand(best, wanted), best)
         settled = bool(trial) and passed and left < NEARLY_WHITE and not self.passes(trial[0], best, passed)
         if (settled and left < SETTLED) or (hopeless and not trial):
             return []
