@@ -34,6 +34,7 @@ from sksurrogate.gap.fit._neighbours import is_near
 from sksurrogate.gap.fit._ode import OdeBackend, OdeCandidate
 from sksurrogate.gap.fit._other_unit import other_unit
 from sksurrogate.gap.fit._record_parts import SEARCHED_SAMPLES, excerpt
+from sksurrogate.gap.fit._rounding import rounds_a_display
 from sksurrogate.gap.fit._trajectory import TrajectoryBackend, TrajectoryCandidate
 from sksurrogate.gap.fit._unstable import UNSTABLE_NOTE, followed_rows, in_pieces, largest_growth
 from sksurrogate.gap.search._base import BaseSearch
@@ -162,9 +163,12 @@ def _candidates(task: Task, balances: Sequence[str]) -> list[BaseEffect]:
 
 
 def _allowed(effects: list[BaseEffect], task: Task) -> list[BaseEffect]:
-    """Effects that neither the user rules out nor inputs that stand still."""
+    """Effects that neither the user rules out nor inputs that stand still, and no display, where effects were not asked for."""
     library = allowed_effects(effects, task.diagnoser.exclude, task.diagnoser.plausible, task.plant)
-    return driven_effects(library, task.effects, task.plant, task.whole)
+    driven = driven_effects(library, task.effects, task.plant, task.whole)
+    if task.effects is not None:
+        return driven
+    return [effect for effect in driven if not rounds_a_display(effect, task.plant, task.whole)]
 
 
 def _common(task: Task) -> dict[str, Any]:

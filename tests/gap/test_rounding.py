@@ -8,9 +8,10 @@ import pytest
 from sksurrogate.effects._lattice import lattice_steps
 from sksurrogate.effects._sensor import SensorQuantization
 from sksurrogate.gap import GapDiagnoser
-from sksurrogate.gap.fit._rounding import is_rounded, names_steps, unnamed_rounding
+from sksurrogate.gap.fit._rounding import COARSE, is_rounded, names_steps, rounds_a_display, unnamed_rounding
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics import ODESimulator
+from sksurrogate.physics._simulator import describe
 
 
 def tank():
@@ -106,3 +107,29 @@ def test_a_fine_grid_is_what_every_converter_has():
     U, Y, runs = experiment(0.01, 0.002)
     report = GapDiagnoser(tank(), effects=["linear_loss", "sensor_gain"], random_state=0).fit(U, Y, groups=runs).report_
     assert report.verdict == "none"
+
+
+def test_the_fine_grid_of_a_display_is_no_cause_beside_a_loss():
+    """Readings that a display gives in steps larger than their noise: the loss alone is named, and no rounding is tried unless asked for."""
+
+    def lossy(step):
+        rng = np.random.default_rng(1)
+        U = np.repeat(rng.uniform(0.5, 3.0, (4, 10)), 20, axis=1)
+        plant = tank().set_params(params={"k": 1.15})
+        Y = np.stack([plant.simulate(u[:, None])[:, 0] for u in U])
+        Y = step * np.round((Y + 0.2 * step * rng.normal(size=Y.shape)) / step)
+        return U.reshape(-1, 1), Y.reshape(-1, 1), np.repeat(np.arange(4), 200)
+
+    U, Y, runs = lossy(0.01)
+    assert 0.01 / 12**0.5 / Y.std() < COARSE
+    report = GapDiagnoser(tank(), random_state=0, n_jobs=1).fit(U, Y, groups=runs).report_
+    assert report.verdict == "explained" and len(report.effects) == 1
+    (effect,) = report.effects
+    members = {(effect.name, effect.location), *(other[:2] for other in effect.equivalents)}
+    assert {("linear_loss", "level"), ("parameter_error", "k")} & members
+    assert "sensor_quantization" not in {row["name"] for row in report.ranking}
+    plant = describe(tank(), n_inputs=1, n_outputs=1, dt=0.1)
+    record = Record.from_runs([U], [Y], [0.1 * np.arange(len(U))], 0.1)
+    assert rounds_a_display(SensorQuantization("level"), plant, record)
+    coarse = Record.from_runs([U], [0.3 * np.round(Y / 0.3)], [0.1 * np.arange(len(U))], 0.1)
+    assert not rounds_a_display(SensorQuantization("level"), plant, coarse)

@@ -26,7 +26,7 @@ from sksurrogate.gap.fit._evidence import CERTAIN, Evidence, estimate_noise
 from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.fit._other_unit import other_unit
 from sksurrogate.gap.fit._record_parts import FITTED_SAMPLES, excerpt
-from sksurrogate.gap.fit._rounding import GRID_NOTE, Rounding, unnamed_rounding
+from sksurrogate.gap.fit._rounding import COARSE, GRID_NOTE, Rounding, unnamed_rounding
 from sksurrogate.gap.search._ode_search import OdeSearch
 from sksurrogate.gap.unnamed._channel import Place
 from sksurrogate.gap.unnamed._formula_fit import fitted_laws
@@ -38,8 +38,6 @@ from sksurrogate.kernels.record import Record
 
 #: White noise is at most so many times what differences of the outputs show.
 MOST_NOISE = 1.1
-#: A reading's grid counts from this share of the output's deviation on.
-GRID_SHARE = 0.01
 PIECES_NOTE = (
     "The candidates were compared on {some} of {whole} samples, in pieces spread over the record; what is named was fitted on more "
     "of them."
@@ -172,7 +170,7 @@ class OdeAccess(BaseAccess[OdeCandidate]):
 
     def rounding(self, final: Evidence[OdeCandidate]) -> Rounding | None:
         found = unnamed_rounding(final.candidate)
-        return found if found is not None and found.share > GRID_SHARE else None
+        return found if found is not None and found.share > COARSE else None
 
     # ---- where ------------------------------------------------------------------------------------------------------
     def likely_place(self, final: Evidence[OdeCandidate]) -> tuple[str | None, str | None]:

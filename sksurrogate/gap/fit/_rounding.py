@@ -15,11 +15,15 @@ from sksurrogate.effects._lattice import coherence, lattice_steps, shows_steps
 from sksurrogate.gap.fit._backend import BaseCandidate
 from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.kernels.record import Record
+from sksurrogate.kernels.smoother import resolution
 from sksurrogate.physics._simulator import Plant
 
 #: What the error of a rounding, ``step^2 / 12``, may be of the residual's variance, either way; and how far the free run may
 #: crowd at the grid as the readings do: a grid by the levels of an input is one of the free run too.
 FACTOR, CROWDS = 2.0, 0.5
+
+#: Error of a rounding, over the deviation of the output, from which on a grid of readings counts; a finer one is the resolution of a display.
+COARSE = 0.01
 
 GRID_NOTE = (
     "The readings of {name!r} stand on steps of {step:.3g}, and nothing named rounds them: "
@@ -35,6 +39,14 @@ class Rounding:
     step: float  #: Unit of the output
     #: Deviation of an error that is even over one step, ``step / sqrt(12)``, over the deviation of the output
     share: float
+
+
+def rounds_a_display(effect: BaseEffect, plant: Plant, record: Record) -> bool:
+    """Whether an effect rounds readings that all stand on one fine grid: that of the display which gives them, and no cause."""
+    if effect.name != "sensor_quantization":
+        return False
+    y = rounded_signal(plant, record, effect)
+    return 0.0 < resolution(y) < COARSE * 12**0.5 * float(np.std(y))
 
 
 def names_steps(candidate: BaseCandidate) -> bool:
