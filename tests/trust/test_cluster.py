@@ -68,9 +68,9 @@ def test_a_diagnosis_on_the_cluster(client, monkeypatch):
     here = GapDiagnoser(make_reactor(second=80.0), effects=names, random_state=0).fit(X, y, groups=groups).report_
     workers = []
 
-    def spy(n_jobs):
+    def spy(n_jobs, **options):
         workers.append(joblib.effective_n_jobs(n_jobs))
-        return _interrupts.workers(n_jobs)
+        return _interrupts.workers(n_jobs, **options)
 
     monkeypatch.setattr("sksurrogate.gap.search._expander.workers", spy)
     with joblib.parallel_config("dask"):
