@@ -1,5 +1,7 @@
 """One of several effects taken out: the others stay as they are, and its exact twin is found from there."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -66,3 +68,21 @@ def test_a_set_that_is_fitted_again_is_as_near_to_the_data_as_it_was(fitted, mon
     assert search.refitted_without(candidate, 1).fit.cost == astray.fit.cost
     search.remember([near])
     assert search.refitted_without(candidate, 1).fit.cost == pytest.approx(near.fit.cost, rel=1e-3)
+
+
+def test_a_refit_on_some_runs_that_went_astray_begins_where_all_runs_ended(fitted, monkeypatch):
+    """One Gauss-Newton step may lead to where the free run goes another way."""
+    problem, candidate = fitted
+    some, rows = problem.on([1]), problem.record.run_of_row == 1
+    near, fit = candidate.on_some(some, rows), OdeBackend.fit
+    starts = []
+
+    def followed(self, effects, theta, x, **how):
+        starts.append(theta)
+        found = fit(self, effects, theta, x, **how)
+        return replace(found, fit=replace(found.fit, cost=1e4 * found.fit.cost)) if len(starts) == 1 else found
+
+    monkeypatch.setattr(OdeBackend, "fit", followed)
+    again = candidate.on_some(some, rows)
+    assert len(starts) == 2 and np.array_equal(starts[1], candidate.fit.theta)
+    assert again.fit.theta == pytest.approx(near.fit.theta, rel=1e-3)

@@ -165,13 +165,20 @@ class OdeCandidate(BaseCandidate):
         problem, theta = replace(self.problem, record=record), self.fit.theta
         with np.errstate(all="ignore"):
             if len(theta) and len(train):
-                some = problem.on(train.tolist())
-                near, x = self.without_rows(some, np.isin(record.run_of_row, train))
-                refit = some.fit(self.effects, near, x, open_steps=0, max_steps=REFIT_STEPS, settled=True)
+                refit = self.on_some(problem.on(train.tolist()), np.isin(record.run_of_row, train))
                 theta = refit.fit.theta if refit is not None else theta
             fit = replace(self.fit, x=self.fit.x[:, np.isin(record.run_of_row, test)], theta=theta)
             there = problem.on(test.tolist()).candidate(self.effects, fit).frozen(theta, near=True)
         return None if there is None else there.fit.y  # near: behind a limit initial states are hardly seen
+
+    def on_some(self, some: OdeBackend, rows: np.ndarray) -> OdeCandidate | None:
+        """Fitted to some of the runs: from where one Gauss-Newton step leads, or where that ends further from these than all of it did, from there."""
+        before = float(np.sum((self.problem.record.residual(self.fit.y)[:, rows] / some.sd[:, None]) ** 2))
+        for theta, x in (self.without_rows(some, rows), (self.fit.theta, self.fit.x[:, rows])):
+            refit = some.fit(self.effects, theta, x, open_steps=0, max_steps=REFIT_STEPS, settled=True)
+            if refit is not None and refit.fit.cost <= before:
+                break
+        return refit
 
     def without_rows(self, some: OdeBackend, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Parameters and path that some of the runs lead to: one Gauss-Newton step with the sensitivities of all.
