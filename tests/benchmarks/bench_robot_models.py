@@ -129,6 +129,18 @@ CASES = {
     "leg_friction": Case(LEG, (0.6, 0.6), friction("knee", "knee.force"), numbers=(("dof_frictionloss", "knee", 0.6),), **WALK),
     "three_backlash": Case(chain(3), TARGETS[:3], (("input_backlash", "a2"),), SIX[:3], 0.02, play=(1, 0.06)),
     "six_armature": Case(chain(6), TARGETS, parameter("j3", "armature"), SIX, 0.02, numbers=(("dof_armature", "j3", 0.25),)),
+    "arm_friction_payload": Case(
+        ARM, (3.0, 1.5), parameter("lower", "load") + friction("shoulder", "shoulder.force"), real=LOADED,
+        numbers=(("dof_frictionloss", "shoulder", 0.15),),
+    ),
+    "arm_friction_both": Case(
+        ARM, (3.0, 1.5), friction("shoulder", "shoulder.force") + friction("elbow", "elbow.force"),
+        numbers=(("dof_frictionloss", "shoulder", 0.15), ("dof_frictionloss", "elbow", 0.08)),
+    ),
+    "cart_gear_friction": Case(
+        CART_MOTOR, (0.8,), parameter("drive", "gear", "input_gain") + friction("slider"), None,
+        numbers=(("actuator_gear", "drive", 9.0), ("dof_frictionloss", "slider", 0.5)),
+    ),
     "six_friction": Case(chain(6), TARGETS, friction("j2"), SIX, 0.02, numbers=(("dof_frictionloss", "j2", 3.0),)),
 }  # fmt: skip
 
