@@ -163,7 +163,7 @@ def _candidates(task: Task, balances: Sequence[str]) -> list[BaseEffect]:
 
 
 def _allowed(effects: list[BaseEffect], task: Task) -> list[BaseEffect]:
-    """Effects that neither the user rules out nor inputs that stand still, and no display, where effects were not asked for."""
+    """Effects that neither the user nor the record rules out: not of inputs that stand still and, unless asked for, not the rounding of a display."""
     library = allowed_effects(effects, task.diagnoser.exclude, task.diagnoser.plausible, task.plant)
     driven = driven_effects(library, task.effects, task.plant, task.whole)
     if task.effects is not None:

@@ -8,7 +8,7 @@ import pytest
 from sksurrogate.effects._lattice import lattice_steps
 from sksurrogate.effects._sensor import SensorQuantization
 from sksurrogate.gap import GapDiagnoser
-from sksurrogate.gap.fit._rounding import COARSE, is_rounded, names_steps, rounds_a_display, unnamed_rounding
+from sksurrogate.gap.fit._rounding import GRID_SHARE, is_rounded, names_steps, rounds_a_display, unnamed_rounding
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics import ODESimulator
 from sksurrogate.physics._simulator import describe
@@ -121,7 +121,7 @@ def test_the_fine_grid_of_a_display_is_no_cause_beside_a_loss():
         return U.reshape(-1, 1), Y.reshape(-1, 1), np.repeat(np.arange(4), 200)
 
     U, Y, runs = lossy(0.01)
-    assert 0.01 / 12**0.5 / Y.std() < COARSE
+    assert 0.01 / 12**0.5 / Y.std() < GRID_SHARE
     report = GapDiagnoser(tank(), random_state=0, n_jobs=1).fit(U, Y, groups=runs).report_
     assert report.verdict == "explained" and len(report.effects) == 1
     (effect,) = report.effects

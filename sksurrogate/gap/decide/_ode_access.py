@@ -26,7 +26,7 @@ from sksurrogate.gap.fit._evidence import CERTAIN, Evidence, estimate_noise
 from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.fit._other_unit import other_unit
 from sksurrogate.gap.fit._record_parts import FITTED_SAMPLES, excerpt
-from sksurrogate.gap.fit._rounding import COARSE, GRID_NOTE, Rounding, unnamed_rounding
+from sksurrogate.gap.fit._rounding import GRID_NOTE, GRID_SHARE, Rounding, unnamed_rounding
 from sksurrogate.gap.search._ode_search import OdeSearch
 from sksurrogate.gap.unnamed._channel import Place
 from sksurrogate.gap.unnamed._formula_fit import fitted_laws
@@ -170,7 +170,7 @@ class OdeAccess(BaseAccess[OdeCandidate]):
 
     def rounding(self, final: Evidence[OdeCandidate]) -> Rounding | None:
         found = unnamed_rounding(final.candidate)
-        return found if found is not None and found.share > COARSE else None
+        return found if found is not None and found.share > GRID_SHARE else None
 
     # ---- where ------------------------------------------------------------------------------------------------------
     def likely_place(self, final: Evidence[OdeCandidate]) -> tuple[str | None, str | None]:

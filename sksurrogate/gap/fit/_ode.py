@@ -172,7 +172,10 @@ class OdeCandidate(BaseCandidate):
         return None if there is None else there.fit.y  # near: behind a limit initial states are hardly seen
 
     def on_some(self, some: OdeBackend, rows: np.ndarray) -> OdeCandidate | None:
-        """Fitted to some of the runs: from where one Gauss-Newton step leads, or where that ends further from these than all of it did, from there."""
+        """Fitted to some of the runs, first from where one Gauss-Newton step leads.
+
+        Where that fit leaves more of these runs than the fit to all did, it is repeated from the values of the fit to all.
+        """
         before = float(np.sum((self.problem.record.residual(self.fit.y)[:, rows] / some.sd[:, None]) ** 2))
         for theta, x in (self.without_rows(some, rows), (self.fit.theta, self.fit.x[:, rows])):
             refit = some.fit(self.effects, theta, x, open_steps=0, max_steps=REFIT_STEPS, settled=True)

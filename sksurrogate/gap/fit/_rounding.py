@@ -22,8 +22,8 @@ from sksurrogate.physics._simulator import Plant
 #: crowd at the grid as the readings do: a grid by the levels of an input is one of the free run too.
 FACTOR, CROWDS = 2.0, 0.5
 
-#: Error of a rounding, over the deviation of the output, from which on a grid of readings counts; a finer one is the resolution of a display.
-COARSE = 0.01
+#: Share of a rounding (:func:`share_of_rounding`) from which on a grid of readings counts; a finer one is the resolution of a display.
+GRID_SHARE = 0.01
 
 GRID_NOTE = (
     "The readings of {name!r} stand on steps of {step:.3g}, and nothing named rounds them: "
@@ -37,8 +37,7 @@ class Rounding:
 
     sensor: str
     step: float  #: Unit of the output
-    #: Deviation of an error that is even over one step, ``step / sqrt(12)``, over the deviation of the output
-    share: float
+    share: float  #: Its error over the deviation of the output (:func:`share_of_rounding`)
 
 
 def rounds_a_display(effect: BaseEffect, plant: Plant, record: Record) -> bool:
@@ -46,7 +45,12 @@ def rounds_a_display(effect: BaseEffect, plant: Plant, record: Record) -> bool:
     if effect.name != "sensor_quantization":
         return False
     y = rounded_signal(plant, record, effect)
-    return 0.0 < resolution(y) < COARSE * 12**0.5 * float(np.std(y))
+    return 0.0 < share_of_rounding(resolution(y), y) < GRID_SHARE
+
+
+def share_of_rounding(step: float, y: np.ndarray) -> float:
+    """Deviation of an error that is even over one step, ``step / sqrt(12)``, over that of readings (n_values,)."""
+    return step / 12**0.5 / max(float(np.std(y)), 1e-300)
 
 
 def names_steps(candidate: BaseCandidate) -> bool:
@@ -64,7 +68,7 @@ def unnamed_rounding(candidate: OdeCandidate) -> Rounding | None:
     rounded = {effect.location for effect in candidate.effects if effect.name == "sensor_quantization"}
     record = candidate.problem.record
     found = [
-        Rounding(name, step, step / 12**0.5 / max(float(np.std(y)), 1e-300))
+        Rounding(name, step, share_of_rounding(step, y))
         for j, name in enumerate(candidate.problem.plant.outputs)
         for y, fitted in [
             (record.measured(j), candidate.fit.y[j] if record.known is None else candidate.fit.y[j, record.known[j]])

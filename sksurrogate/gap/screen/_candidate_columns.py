@@ -51,9 +51,8 @@ class CandidateColumns:
     """Candidates at all their starting values, those with one shape, or those of a short list."""
 
     s: Responses  #: The linearisation of the base
-    shape: tuple[
-        float, ...
-    ]  #: Second and further parameters, where they are known, instead of those of the starting values
+    #: Second and further parameters, where they are known, instead of those of the starting values
+    shape: tuple[float, ...]
     chosen: Shortlist | None  #: Starting values by the effect's key
 
     @cached_property
