@@ -74,6 +74,15 @@ NEEDS = {
 }
 
 
+#: What stands below the table of a place.
+BELOW = {
+    "output": (
+        "\nReadings on a grid finer than a hundredth of their deviation are those of a display, whose resolution is noise:\n"
+        "`sensor_quantization` is a candidate there only where you ask for it by name.\n"
+    )
+}
+
+
 def section(place: str) -> str:
     """One table."""
     found = {name: cls for name, cls in CATALOGUE.items() if place_of(cls) == place}
@@ -86,7 +95,7 @@ def section(place: str) -> str:
         cells = [f"`{name}`", form, parameter_text(cls), *needs, cls.signature, ", ".join(cls.twins)]
         rows.append(f"| {' | '.join(cells)} |")
     common = "" if len(access) > 1 else f"The simulator needs {NEEDS[access.pop()]}.\n\n"
-    return f"\n## {PLACES[place]}\n\n{common}" + "\n".join(rows) + "\n"
+    return f"\n## {PLACES[place]}\n\n{common}" + "\n".join(rows) + "\n" + BELOW.get(place, "")
 
 
 def ports() -> str:
