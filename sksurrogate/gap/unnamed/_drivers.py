@@ -11,8 +11,7 @@ from sksurrogate.effects._formula import Term, signal_names
 from sksurrogate.effects._law import AnyLaw, LawEffect, law_effect
 from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.unnamed._channel import Channel
-from sksurrogate.gap.unnamed._law_shapes import at_end, varies
-from sksurrogate.kernels.banded import first_order_scan
+from sksurrogate.gap.unnamed._law_shapes import at_end, filtered, varies
 from sksurrogate.kernels.record import Record
 
 #: Time constants of the recent past, in samples, and the share of the longest run up to which they are tried.
@@ -117,9 +116,6 @@ def _past(record: Record, signals: Mapping[str, np.ndarray]) -> dict[str, tuple[
     out = {}
     longest = LONGEST_PAST * float(record.lengths.max())
     for name, z in signals.items():
-        first = z[record.starts][record.run_of_row]
         for k, samples in enumerate(c for c in TIME_CONSTANTS if c <= longest):
-            a = float(np.exp(-1.0 / samples))
-            moved = first_order_scan(a, (z - first)[None], record.starts)[0]
-            out[f"lag({name})#{k}"] = first + (1.0 - a) * moved, samples * record.dt
+            out[f"lag({name})#{k}"] = filtered(record, z[None], samples)[0], samples * record.dt
     return out

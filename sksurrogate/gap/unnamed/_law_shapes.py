@@ -8,23 +8,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from sksurrogate.effects._formula import SHAPES
 from sksurrogate.kernels.banded import first_order_scan
 from sksurrogate.kernels.record import Record
 from sksurrogate.kernels.signals import hold, play, rate_limit
 
-#: Forms of one parameter, of a signal over its largest value.
-SIMPLE = (
-    lambda z: np.sign(z),
-    lambda z: np.sign(z) * np.sqrt(np.abs(z)),
-    lambda z: np.abs(z),
-    lambda z: z,
-    lambda z: z * np.abs(z),
-    lambda z: z**2,
-    lambda z: z**3,
-    lambda z: z**4,
-)
-#: Place of the jump at zero among the simple forms.
-JUMP_COLUMN = 0
+#: Forms of one parameter, of a signal over its largest value: shapes of formulae. The exponent of the power among them: a root.
+SIMPLE, ROOT = ("sign", "power", "size", "v", "drag", "square", "cube", "fourth"), 0.5
 #: Shares of the samples below the kinks of a signal.
 HINGES = (0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9)
 #: Degrees of the polynomials.
@@ -94,25 +84,31 @@ def laws(
             continue
         yield SignalForms(name, *static(z))
         plays, slews, at_samples = followers(record, z)
-        memories = shown = [past[:, i], plays]
+        memories = shown = [z[None], past[:, i], plays]
         if name in given:
             lags = np.stack([z[record.back(k)] for k in LAGS_OF_PAST])
             memories, shown = ([*memories, lags, *pairs(rates)] for rates in (slews, at_samples))
-        ends = 1 + np.cumsum([0, *map(len, memories)])
-        forms = tuple(Form(np.r_[0, a:b]) for a, b in zip(ends[:-1], ends[1:]))
-        yield SignalForms(
-            name + AND_ITS_PAST, np.concatenate([z[None], *memories]), forms, np.concatenate([z[None], *shown])
-        )
+        functions, (own, *parts) = stacked(memories)
+        forms = tuple(Form(np.r_[own, part]) for part in parts)
+        yield SignalForms(name + AND_ITS_PAST, functions, forms, np.concatenate(shown))
 
 
 def past_of(record: Record, signals: np.ndarray) -> np.ndarray:
     """Direction and moving averages over 5 and 25 samples of signals, (3, n_signals, n_samples)."""
-    found = [np.sign(first_order_scan(0.8, np.diff(signals, axis=1, prepend=signals[:, :1]), record.starts))]
-    for tau in (5.0, 25.0):
-        a = np.exp(-1.0 / tau)
-        level = signals[:, record.starts][:, record.run_of_row]
-        found.append(level + (1 - a) * first_order_scan(a, signals - level, record.starts))
-    return np.stack(found)
+    moves = first_order_scan(0.8, np.diff(signals, axis=1, prepend=signals[:, :1]), record.starts)
+    return np.stack([np.sign(moves), *(filtered(record, signals, tau) for tau in (5.0, 25.0))])
+
+
+def filtered(record: Record, signals: np.ndarray, tau: float) -> np.ndarray:
+    """First-order filter of signals (n_signals, n_samples) over tau samples, settled at the start of every run."""
+    a, first = np.exp(-1.0 / tau), signals[:, record.starts][:, record.run_of_row]
+    return np.asarray(first + (1.0 - a) * first_order_scan(a, signals - first, record.starts))
+
+
+def stacked(parts: Sequence[np.ndarray]) -> tuple[np.ndarray, list[np.ndarray]]:
+    """Functions of several parts (n, n_samples) below each other, and the rows of each part."""
+    ends = np.cumsum([len(part) for part in parts])
+    return np.concatenate(parts), np.split(np.arange(ends[-1]), ends[:-1])
 
 
 def pairs(f: np.ndarray) -> list[np.ndarray]:
@@ -183,27 +179,24 @@ def varies(z: np.ndarray) -> bool:
 
 def static(z: np.ndarray) -> tuple[np.ndarray, tuple[Form, ...]]:
     """Functions of a signal and their forms: simple ones, kinks, polynomials, a smooth curve; with a jump at zero too."""
-    simple = np.stack([form(z / np.max(np.abs(z))) for form in SIMPLE])
+    singles = np.stack([SHAPES[shape].value(z / np.max(np.abs(z)), ROOT, 0.0) for shape in SIMPLE])
     powers = ((z - np.mean(z)) / np.ptp(z)) ** np.arange(max(POLYNOMIAL_DEGREES) + 1)[:, None]
-    curve, kinks = hats(z, KNOTS_OF_LAW), hinges(z)
-    ends = np.cumsum([len(simple), len(powers), len(curve), len(kinks)])
-    forms = [Form(np.array([k])) for k in [*range(ends[0]), *range(ends[2], ends[3])]]
-    polynomials = [np.arange(ends[0], ends[0] + degree + 1) for degree in (0, 1, *POLYNOMIAL_DEGREES)]
-    forms += [Form(own) for own in polynomials]
-    smooth = np.arange(ends[1], ends[2])
-    rough = roughness(len(curve)) if len(curve) > 2 else None
-    forms.append(Form(smooth, rough))
+    functions, (simple, power, smooth, kinks) = stacked([singles, powers, hats(z, KNOTS_OF_LAW), hinges(z)])
+    polynomials = [power[: degree + 1] for degree in (0, 1, *POLYNOMIAL_DEGREES)]
+    rough = roughness(len(smooth)) if len(smooth) > 2 else None
+    forms = [*(Form(k[None]) for k in (*simple, *kinks)), *map(Form, polynomials), Form(smooth, rough)]
     if np.min(z) < 0.0 < np.max(z):
-        forms += [Form(np.r_[own, JUMP_COLUMN]) for own in polynomials]
+        jump = simple[SIMPLE.index("sign")]
+        forms += [Form(np.r_[own, jump]) for own in polynomials]
         if rough is not None:
-            forms.append(Form(np.r_[smooth, JUMP_COLUMN], np.pad(rough, (0, 1))))
-    return np.concatenate([simple, powers, curve, kinks]), tuple(forms)
+            forms.append(Form(np.r_[smooth, jump], np.pad(rough, (0, 1))))
+    return functions, tuple(forms)
 
 
 def hinges(z: np.ndarray) -> np.ndarray:
     """What a signal exceeds some of its quantiles by, and what it falls short of them by, (n_hinges, n_samples)."""
-    levels = np.unique(np.quantile(z, HINGES))
-    return np.concatenate([np.maximum(z - levels[:, None], 0.0), np.maximum(levels[:, None] - z, 0.0)]) / np.ptp(z)
+    levels = np.unique(np.quantile(z, HINGES))[:, None]
+    return np.concatenate([SHAPES[shape].value(z, levels, 0.0) for shape in ("above", "below")]) / np.ptp(z)
 
 
 def roughness(n: int) -> np.ndarray:
