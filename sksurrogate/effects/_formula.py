@@ -59,48 +59,51 @@ class Shape(NamedTuple):
     symbolic: Callable[..., Any]  #: (sympy, v, c, d) -> expression
     #: tuple of (float, float): of every constant that a fit may move; none for what stays
     bounds: tuple[tuple[float, float], ...] = ()
+    power: int | None = 0  #: Power of the signal's unit that its own is; None: no whole one
+    constant_powers: tuple[int, ...] = (1, 1)  #: The same of its constants
 
 
 _ANY, _POSITIVE = (-np.inf, np.inf), (1e-9, np.inf)
 
 #: By name.
 SHAPES: dict[str, Shape] = {
-    "v": Shape(lambda v, c, w: v, "{v}", "{v}", lambda s, v, c, d: v),
-    "square": Shape(lambda v, c, w: v**2, "{v}^2", "{v}^2", lambda s, v, c, d: v**2),
-    "cube": Shape(lambda v, c, w: v**3, "{v}^3", "{v}^3", lambda s, v, c, d: v**3),
-    "fourth": Shape(lambda v, c, w: v**4, "{v}^4", "{v}^4", lambda s, v, c, d: v**4),
+    "v": Shape(lambda v, c, w: v, "{v}", "{v}", lambda s, v, c, d: v, power=1),
+    "square": Shape(lambda v, c, w: v**2, "{v}^2", "{v}^2", lambda s, v, c, d: v**2, power=2),
+    "cube": Shape(lambda v, c, w: v**3, "{v}^3", "{v}^3", lambda s, v, c, d: v**3, power=3),
+    "fourth": Shape(lambda v, c, w: v**4, "{v}^4", "{v}^4", lambda s, v, c, d: v**4, power=4),
     "drag": Shape(
-        lambda v, c, w: v * np.abs(v), "{v}*abs({v})", r"{v}\,|{v}|", lambda s, v, c, d: v * s.Abs(v)
+        lambda v, c, w: v * np.abs(v), "{v}*abs({v})", r"{v}\,|{v}|", lambda s, v, c, d: v * s.Abs(v), power=2,
     ),
-    "size": Shape(lambda v, c, w: magnitude(v, w), "abs({v})", "|{v}|", lambda s, v, c, d: s.Abs(v)),
+    "size": Shape(lambda v, c, w: magnitude(v, w), "abs({v})", "|{v}|", lambda s, v, c, d: s.Abs(v), power=1),
     "sign": Shape(lambda v, c, w: sign(v, w), "sign({v})", r"\operatorname{{sign}}({v})", lambda s, v, c, d: s.sign(v)),
     "root": Shape(
         lambda v, c, w: _root(v, w), "sign({v})*sqrt(abs({v}))", r"\operatorname{{sign}}({v})\sqrt{{|{v}|}}",
-        lambda s, v, c, d: s.sign(v) * s.sqrt(s.Abs(v)),
+        lambda s, v, c, d: s.sign(v) * s.sqrt(s.Abs(v)), power=None,
     ),
     "flow": Shape(
-        lambda v, c, w: _root(np.maximum(v, 0.0), w), "sqrt({v})", r"\sqrt{{{v}}}", lambda s, v, c, d: s.sqrt(v)
+        lambda v, c, w: _root(np.maximum(v, 0.0), w), "sqrt({v})", r"\sqrt{{{v}}}", lambda s, v, c, d: s.sqrt(v), power=None,
     ),
     "power": Shape(
         lambda v, c, w: _power(v, c), "sign({v})*abs({v})^{c}", r"\operatorname{{sign}}({v})\,|{v}|^{{{c}}}",
-        lambda s, v, c, d: s.sign(v) * s.Abs(v) ** c, (EXPONENT_RANGE,),
+        lambda s, v, c, d: s.sign(v) * s.Abs(v) ** c, (EXPONENT_RANGE,), power=None, constant_powers=(0,),
     ),
     "sine": Shape(lambda v, c, w: np.sin(v), "sin({v})", r"\sin({v})", lambda s, v, c, d: s.sin(v)),
     "cosine": Shape(lambda v, c, w: np.cos(v), "cos({v})", r"\cos({v})", lambda s, v, c, d: s.cos(v)),
     "wave": Shape(
-        lambda v, c, w: np.sin(c * v), "sin({c}*{v})", r"\sin({c}\,{v})", lambda s, v, c, d: s.sin(c * v), (_POSITIVE,)
+        lambda v, c, w: np.sin(c * v), "sin({c}*{v})", r"\sin({c}\,{v})", lambda s, v, c, d: s.sin(c * v), (_POSITIVE,),
+        constant_powers=(-1,),
     ),
     "swing": Shape(
         lambda v, c, w, d: np.sin(c * v + d), "sin({c}*{v} + {d})", r"\sin({c}\,{v} + {d})",
-        lambda s, v, c, d: s.sin(c * v + d), (_POSITIVE, _ANY),
+        lambda s, v, c, d: s.sin(c * v + d), (_POSITIVE, _ANY), constant_powers=(-1, 0),
     ),
     "above": Shape(
         lambda v, c, w: _above(v, c, w), "max({v} - {c}, 0)", r"\max({v} - {c}, 0)",
-        lambda s, v, c, d: s.Max(v - c, 0), (_ANY,),
+        lambda s, v, c, d: s.Max(v - c, 0), (_ANY,), power=1,
     ),
     "below": Shape(
         lambda v, c, w: _above(-v, -c, w), "max({c} - {v}, 0)", r"\max({c} - {v}, 0)",
-        lambda s, v, c, d: s.Max(c - v, 0), (_ANY,),
+        lambda s, v, c, d: s.Max(c - v, 0), (_ANY,), power=1,
     ),
     "beyond": Shape(
         lambda v, c, w: 0.5 * (1.0 + sign(v - c, w)), "({v} > {c})", r"[{v} > {c}]",
@@ -108,11 +111,11 @@ SHAPES: dict[str, Shape] = {
     ),
     "dead_zone": Shape(
         lambda v, c, w: _above(v, c, w) - _above(-v, c, w), "(max({v} - {c}, 0) - max(-{v} - {c}, 0))",
-        r"\operatorname{{dead}}_{{{c}}}({v})", lambda s, v, c, d: s.Max(v - c, 0) - s.Max(-v - c, 0), (_POSITIVE,),
+        r"\operatorname{{dead}}_{{{c}}}({v})", lambda s, v, c, d: s.Max(v - c, 0) - s.Max(-v - c, 0), (_POSITIVE,), power=1,
     ),
     "clip": Shape(
         lambda v, c, w: v - _above(v, c, w) + _above(-v, c, w), "max(min({v}, {c}), -{c})",
-        r"\operatorname{{clip}}_{{\pm {c}}}({v})", lambda s, v, c, d: s.Max(s.Min(v, c), -c), (_POSITIVE,),
+        r"\operatorname{{clip}}_{{\pm {c}}}({v})", lambda s, v, c, d: s.Max(s.Min(v, c), -c), (_POSITIVE,), power=1,
     ),
     "tanh": Shape(
         lambda v, c, w: np.tanh(v / c), "tanh({v}/{c})", r"\tanh({v}/{c})", lambda s, v, c, d: s.tanh(v / c),
@@ -140,19 +143,19 @@ SHAPES: dict[str, Shape] = {
     "hill": Shape(
         lambda v, c, w, d: _hill(v, c, d), "{v}^{d}/({c}^{d} + {v}^{d})",
         r"\frac{{{v}^{{{d}}}}}{{{c}^{{{d}}} + {v}^{{{d}}}}}", lambda s, v, c, d: v**d / (c**d + v**d),
-        (_POSITIVE, EXPONENT_RANGE),
+        (_POSITIVE, EXPONENT_RANGE), constant_powers=(1, 0),
     ),
     "fading": Shape(
         lambda v, c, w: v / (1.0 + (v / c) ** 2), "{v}/(1 + ({v}/{c})^2)", r"\frac{{{v}}}{{1 + ({v}/{c})^2}}",
-        lambda s, v, c, d: v / (1 + (v / c) ** 2), (_POSITIVE,),
+        lambda s, v, c, d: v / (1 + (v / c) ** 2), (_POSITIVE,), power=1,
     ),
     "resonant": Shape(
         lambda v, c, w: 1.0 / (1.0 + (v / c) ** 2), "1/(1 + ({v}/{c})^2)", r"\frac{{1}}{{1 + ({v}/{c})^2}}",
         lambda s, v, c, d: 1 / (1 + (v / c) ** 2), (_POSITIVE,),
     ),
-    "inverse": Shape(lambda v, c, w: 1.0 / v, "1/{v}", r"\frac{{1}}{{{v}}}", lambda s, v, c, d: 1 / v),
+    "inverse": Shape(lambda v, c, w: 1.0 / v, "1/{v}", r"\frac{{1}}{{{v}}}", lambda s, v, c, d: 1 / v, power=-1),
     "inverse_square": Shape(
-        lambda v, c, w: 1.0 / v**2, "1/{v}^2", r"\frac{{1}}{{{v}^2}}", lambda s, v, c, d: 1 / v**2
+        lambda v, c, w: 1.0 / v**2, "1/{v}^2", r"\frac{{1}}{{{v}^2}}", lambda s, v, c, d: 1 / v**2, power=-2,
     ),
     "inhibited": Shape(
         lambda v, c, w: 1.0 / (1.0 + v / c), "1/(1 + {v}/{c})", r"\frac{{1}}{{1 + {v}/{c}}}",

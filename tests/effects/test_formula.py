@@ -37,6 +37,17 @@ def test_what_latex_says_holds_the_signal_and_the_constants_of_the_text(name):
     assert latex.count("{") == latex.count("}")
 
 
+@pytest.mark.parametrize("name", sorted(set(SHAPES) - {"sine", "cosine", "root", "flow"}))  # of angles; of half powers
+def test_units_of_a_shape_and_of_its_constants_are_those_of_its_function(name):
+    """A signal in units three times as small."""
+    shape, c, d = SHAPES[name], 0.7, 1.6
+    first, second = (3.0**power for power in (*shape.constant_powers, 1)[:2])
+    power = c if shape.power is None else shape.power
+    v, more = np.array([0.4, 0.9, 1.3]), shape.value.__code__.co_argcount - 3
+    there = shape.value(3.0 * v, first * c, 0.0, *[second * d][:more])
+    np.testing.assert_allclose(there, 3.0**power * shape.value(v, c, 0.0, *[d][:more]))
+
+
 def test_a_law_at_an_input_of_ramps_is_exact_where_it_is_linear_or_square():
     mean, half = np.array([[[1.0, 2.0, -1.0]]]), np.array([[[0.5, -0.25, 0.0]]])
     for shape, wanted in [("v", 1.4 * mean), ("square", mean + 0.4 * (mean**2 + half**2 / 3))]:

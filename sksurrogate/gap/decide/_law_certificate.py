@@ -88,13 +88,6 @@ def law_of(beside: CertifiedLaw, plant: Plant, shrink: Shrink) -> Law:
     )
 
 
-#: Powers of its signal that a shape has as its unit; the others have none.
-POWERS = {"v": 1, "square": 2, "cube": 3, "fourth": 4, "drag": 2, "size": 1, "above": 1, "below": 1, "dead_zone": 1, "clip": 1,
-          "fading": 1, "inverse": -1, "inverse_square": -2}  # fmt: skip
-#: Units of the constants of a shape as powers of its signal, where they are not one.
-POWERS_OF_CONSTANTS = {"power": (0,), "wave": (-1,), "swing": (-1, 0), "hill": (1, 0)}
-
-
 def units_of_law(effect: AnyLaw, kind: str, plant: Plant) -> dict[str, str]:
     """Units of the parameters, as far as the simulator names those of its signals; empty where they do not follow."""
     given = units_of(plant.simulator)
@@ -104,15 +97,12 @@ def units_of_law(effect: AnyLaw, kind: str, plant: Plant) -> dict[str, str]:
     for term in effect.terms:
         unit = placed
         for shape, name, *_ in term.factors:
-            v = given.get(signal_names(name)[0], "")
-            power = POWERS.get(shape, 0)
-            if power:
-                unit = (over if power > 0 else times)(unit, to_power(v, abs(power)))
-            unit = "" if shape in ("root", "flow", "power") else unit
-            powers = POWERS_OF_CONSTANTS.get(shape, (1, 1))
-            constants += [
-                "1" if p == 0 else v if p == 1 else over("1", v) for p, _ in zip(powers, SHAPES[shape].bounds)
-            ]
+            v, function = given.get(signal_names(name)[0], ""), SHAPES[shape]
+            if function.power:
+                unit = (over if function.power > 0 else times)(unit, to_power(v, abs(function.power)))
+            unit = "" if function.power is None else unit
+            powers = zip(function.constant_powers, function.bounds)
+            constants += ["1" if p == 0 else v if p == 1 else over("1", v) for p, _ in powers]
         coefficients.append(unit)
     known = [*coefficients, *(constants if effect.free else [])]
     names = [p.name for p in effect.parameters]
