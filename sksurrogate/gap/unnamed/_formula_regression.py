@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from sksurrogate.effects._formula import Term, equation_of
+from sksurrogate.effects._formula import Term
 from sksurrogate.gap.fit._ode import REACH
 from sksurrogate.gap.fit._pushes import STEP_OF_SLOPES
 from sksurrogate.gap.unnamed._channel import Channel
@@ -51,11 +51,6 @@ class Draft:
     def coefficients_alone(self) -> np.ndarray:
         """Coefficients and the time constant: the parameters of the effect whose other constants stand."""
         return np.array([*self.coefficients, *([] if self.late is None else [self.late])], dtype=float)
-
-    @property
-    def text(self) -> str:
-        """The formula with its numbers."""
-        return equation_of(self.terms, [float(c) for c in self.coefficients])
 
     @property
     def structure(self) -> Any:

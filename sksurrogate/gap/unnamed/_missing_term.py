@@ -7,7 +7,6 @@ function with honest bands; the force takes what other variables add.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 
 import numpy as np
@@ -29,8 +28,6 @@ MOST_LAWS = 4
 WORTH_OF_PARAMETER = 0.01
 #: Formulae that explain less are not worth telling.
 LEAST_TERM_EXPLAINED = 0.05
-#: What tells the recent pasts of one signal apart, ``lag(v)#1``.
-MARK_OF_PAST = re.compile(r"#\d+")
 
 
 def shape_of(channel: Channel, drivers: Drivers, drafts: Sequence[Draft]) -> MissingTerm:
@@ -56,15 +53,11 @@ def shape_of(channel: Channel, drivers: Drivers, drafts: Sequence[Draft]) -> Mis
             listed.append((share, draft))
     # A parameter more must be worth it on runs left out.
     listed.sort(key=lambda item: -(item[0] - WORTH_OF_PARAMETER * len(item[1].values)))
-    texts = [
-        f"{MARK_OF_PAST.sub('', draft.text)}  (explains {100 * share:.0f} %)" for share, draft in listed[:MOST_LAWS]
-    ]
-    effects = (
-        []
-        if drivers.kind == "output"
-        else [drivers.effect(draft.terms, draft.coefficients_alone, False) for _, draft in listed[:MOST_LAWS]]
-    )
-    return MissingTerm(drivers.location, drivers.kind, tuple(curves), tuple(texts), tuple(effects))
+    shares = [share for share, _ in listed[:MOST_LAWS]]
+    laws = [drivers.effect(draft.terms, draft.coefficients_alone, False) for _, draft in listed[:MOST_LAWS]]
+    texts = tuple(f"{law.text()}  (explains {100 * share:.0f} %)" for share, law in zip(shares, laws))
+    effects = () if drivers.kind == "output" else tuple(laws)
+    return MissingTerm(drivers.location, drivers.kind, tuple(curves), texts, effects)
 
 
 def _curve(channel: Channel, name: str, z: np.ndarray, whole: np.ndarray, fold: np.ndarray) -> Curve:
