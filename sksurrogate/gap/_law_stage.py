@@ -7,7 +7,7 @@ from dataclasses import replace
 from sksurrogate.effects._simulator import AugmentedSimulator
 from sksurrogate.gap._state import DiagnosisState
 from sksurrogate.gap.decide._held_out import HeldOut
-from sksurrogate.gap.decide._law_certificate import CertifiedLaw, law_of, share_of_law
+from sksurrogate.gap.decide._law_certificate import CertifiedLaw, law_of, share_of_law, takes_the_place
 from sksurrogate.gap.decide._rules import first_rule
 from sksurrogate.gap.fit._closeness import NEARLY_WHITE
 from sksurrogate.gap.fit._evidence import C, Evidence
@@ -67,10 +67,10 @@ class LawStage(DiagnosisState[C]):
         None where the names stand; and the law that they leave, where it was asked for.
         """
         beside = self.access.law_beside(self.null, self.final, held)
-        if beside is None or not self.access.law_instead(beside, self.final, None):
+        if beside is None or not takes_the_place(self.search, beside.law, self.final):
             return None, None
         rest = self.access.law_beside(self.final, self.final, held)
-        if rest is not None and not self.access.law_instead(beside, self.final, rest):
+        if rest is not None and not takes_the_place(self.search, beside.law, self.final, rest.law):
             return None, rest
         after = self.withdraw_names(INSTEAD)
         return replace(beside, held=replace(after, law=beside.held.law)), None

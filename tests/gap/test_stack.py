@@ -8,7 +8,7 @@ import pytest
 from sksurrogate.effects import CATALOGUE
 from sksurrogate.effects._formula import Term
 from sksurrogate.gap._law_stage import LawStage
-from sksurrogate.gap.decide._ode_access import OdeAccess
+from sksurrogate.gap.decide._law_certificate import takes_the_place
 from sksurrogate.gap.decide._rules import DecisionFeatures, first_rule
 from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.fit._ode import Numerics, OdeCandidate
@@ -84,23 +84,20 @@ def test_one_formula_takes_the_place_of_several_names_only_where_it_is_clearly_l
 
     def found(candidate, price):
         return SimpleNamespace(
-            law=SimpleNamespace(
-                curve=False,
-                price=price,
-                found=SimpleNamespace(candidate=candidate),
-                effect=SimpleNamespace(terms=[Term((("drag", "v", 0.0, 0.0),)), Term((("sine", "q", 0.0, 0.0),))]),
-            )
+            curve=False,
+            price=price,
+            found=SimpleNamespace(candidate=candidate),
+            effect=SimpleNamespace(terms=[Term((("drag", "v", 0.0, 0.0),)), Term((("sine", "q", 0.0, 0.0),))]),
         )
 
     search = SimpleNamespace(library=[None] * 100, order=lambda candidates: worths.__getitem__)
     law, beside = found("law", 20.0), None if rest is None else found("names and a law", 15.0)
     final = SimpleNamespace(candidate="names", effects=(1, 2, 3))
-    access = SimpleNamespace(search=search)
-    assert OdeAccess.law_instead(access, law, final, beside) is instead
+    assert takes_the_place(search, law, final, beside) is instead
     two = SimpleNamespace(candidate="names", effects=(1, 2))  # as many as the parts of the law, which share no signal
-    assert not OdeAccess.law_instead(access, law, two, beside)
-    law.law.curve = True
-    assert not OdeAccess.law_instead(access, law, final, beside)
+    assert not takes_the_place(search, law, two, beside)
+    law.curve = True
+    assert not takes_the_place(search, law, final, beside)
 
 
 @pytest.mark.parametrize(

@@ -112,13 +112,6 @@ class BaseAccess(ABC, Generic[C]):
         """The best law on top of what is certain, at the places that are likeliest, simulated on runs left out."""
         return None
 
-    def law_instead(self, beside: CertifiedLaw, final: Evidence[C], rest: CertifiedLaw | None) -> bool:
-        """Whether a formula on top of nothing, of fewer parts than there are names, is clearly likelier than these and the law that they leave.
-
-        All with the price of their choice.
-        """
-        return False
-
     def imitated_by_retuning(self) -> list[tuple[str, str, str | None]]:
         """Effects that the re-tuning would hide."""
         return []

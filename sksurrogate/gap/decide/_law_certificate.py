@@ -4,20 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from sksurrogate._units import over, times, to_power
-from sksurrogate.effects._formula import SHAPES, signal_names
+from sksurrogate.effects._formula import SHAPES, separate_parts, signal_names
 from sksurrogate.effects._law import AnyLaw
 from sksurrogate.gap.decide._choice_by_fold import choices_by_fold
 from sksurrogate.gap.decide._held_out import HeldOut, law_held_out
 from sksurrogate.gap.decide._intervals import intervals
-from sksurrogate.gap.fit._evidence import Evidence
+from sksurrogate.gap.fit._evidence import CERTAIN, Evidence
 from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.results._effect_estimate import BAND
 from sksurrogate.gap.results._law import Law
 from sksurrogate.gap.results._shrink import Shrink
+from sksurrogate.gap.search._base import BaseSearch
 from sksurrogate.gap.search._ode_search import OdeSearch
 from sksurrogate.gap.unnamed._formula_fit import FittedLaw
 from sksurrogate.physics._simulator import Plant, units_of
@@ -44,6 +46,21 @@ def held_out_law(search: OdeSearch, laws: Sequence[FittedLaw], held: HeldOut) ->
     choices = [(law.found.candidate, [law.found.noise], 2.0 * law.price) for law in laws[:MOST_FORMULAE]]
     finals = choices_by_fold(search, choices)
     return law_held_out(finals, held)
+
+
+def takes_the_place(
+    search: BaseSearch[Any], law: FittedLaw, final: Evidence[OdeCandidate], rest: FittedLaw | None = None
+) -> bool:
+    """Whether a formula on top of nothing, of fewer parts than there are names, is clearly likelier than these and the law that they leave.
+
+    All with the price of their choice.
+    """
+    if law.curve or separate_parts(law.effect.terms) >= len(final.effects):
+        return False  # parts that share no signal are as many effects
+    named = final if rest is None else rest.found
+    score = search.order([law.found.candidate, named.candidate])
+    price = len(final.effects) * np.log(len(search.library)) + (0.0 if rest is None else rest.price)
+    return bool(score(law.found.candidate) - law.price > score(named.candidate) - price + CERTAIN)
 
 
 def certified_law(shrink: Shrink) -> bool:

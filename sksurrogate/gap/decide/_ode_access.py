@@ -12,7 +12,6 @@ import numpy as np
 from sksurrogate._parallel._worker_process import PendingAnswer
 from sksurrogate.effects._catalogue import name_of
 from sksurrogate.effects._effect import BalanceEffect, BaseEffect, HiddenEffect
-from sksurrogate.effects._formula import separate_parts
 from sksurrogate.gap.decide._access import BaseAccess
 from sksurrogate.gap.decide._generic_correction import Correction, generic_correction, known_runs
 from sksurrogate.gap.decide._held_out import HeldOut
@@ -22,7 +21,7 @@ from sksurrogate.gap.decide._retuning import imitated_by_retuning
 from sksurrogate.gap.decide._separations import of_ode
 from sksurrogate.gap.fit._build import build_problem
 from sksurrogate.gap.fit._closeness import NEARLY_WHITE, SETTLED
-from sksurrogate.gap.fit._evidence import CERTAIN, Evidence, estimate_noise
+from sksurrogate.gap.fit._evidence import Evidence, estimate_noise
 from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.fit._other_unit import other_unit
 from sksurrogate.gap.fit._record_parts import FITTED_SAMPLES, excerpt
@@ -196,15 +195,6 @@ class OdeAccess(BaseAccess[OdeCandidate]):
         best = laws[0].found
         evidence = search.score(best.candidate) - laws[0].price - search.score(base.candidate)
         return CertifiedLaw(laws[0], held_out_law(search, laws, held), self.fitted_on_more(best), evidence)
-
-    def law_instead(self, beside: CertifiedLaw, final: Evidence[OdeCandidate], rest: CertifiedLaw | None) -> bool:
-        search, law = self.search, beside.law
-        if law.curve or separate_parts(law.effect.terms) >= len(final.effects):
-            return False  # parts that share no signal are as many effects
-        named = final if rest is None else rest.law.found
-        score = search.order([law.found.candidate, named.candidate])
-        price = len(final.effects) * np.log(len(search.library)) + (0.0 if rest is None else rest.law.price)
-        return bool(score(law.found.candidate) - law.price > score(named.candidate) - price + CERTAIN)
 
     def places_of_law(self, final: Evidence[OdeCandidate], named: bool) -> list[tuple[str, str]]:
         """Where a law may stand: beside names where the evidence of a law puts it, else the likely place; then the next."""
