@@ -6,7 +6,7 @@ from itertools import combinations
 
 import numpy as np
 
-from sksurrogate.gap.decide._intervals import intervals
+from sksurrogate.gap.decide._intervals import intervals, not_sized
 from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.unnamed._law_evidence import place_and_signal
@@ -22,15 +22,16 @@ def moved_by(candidate: OdeCandidate) -> list[np.ndarray | None]:
 def redundant_effect(final: Evidence[OdeCandidate]) -> int | None:
     """Position of the effect that only corrects the form of another; None where there is none.
 
-    There are two kinds. The interval of its magnitude holds the value at which it does nothing. Or two effects of one signal at one place cancel: each of them moves
-    the outputs by more than both together. Then they are two terms of one curve, and the smaller one is redundant.
+    There are two kinds. The interval of its magnitude holds the value at which it does nothing. Or two effects of one signal at one
+    place cancel: each of them moves the outputs by more than both together. Then they are two terms of one curve, and the smaller
+    one is redundant.
     """
     candidate = final.candidate
     low, high = intervals(final)
     unsure = {}
-    for i, effect in enumerate(candidate.effects):
-        first, null = candidate.slice_of(i).start, effect.parameters[0].null if effect.parameters else np.inf
-        if low[first] <= null <= high[first] and np.isfinite(null):
+    for i in not_sized(candidate.effects, low, high):
+        first, null = candidate.slice_of(i).start, candidate.effects[i].parameters[0].null
+        if np.isfinite(null):
             unsure[i] = (high[first] - low[first]) / max(abs(final.fit.theta[first] - null), 1e-300)
     if unsure:
         return max(unsure, key=lambda i: unsure[i])
