@@ -150,6 +150,11 @@ class BaseSearch(ABC, Generic[C]):
         return min(self.nominal_costs[null], moved)
 
     @property
+    def retuned_gap_cost(self) -> float:
+        """Squared error over the noise, and beyond it, of the simulator with its free parameters re-tuned."""
+        return self.fitted_null.fit.cost - self.n_values
+
+    @property
     def tolerated_cost(self) -> float:
         """Squared error over the noise that the tolerance allows a set to leave of the gap."""
         return self.tolerance**2 * self.gap_cost

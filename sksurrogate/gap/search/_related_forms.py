@@ -108,7 +108,7 @@ def hardly_more(cost: float, gap: float) -> float:
 
 def most_left(search: SetMoves[C], rich: C) -> float:
     """Cost up to which a simpler form leaves hardly more of the gap."""
-    return hardly_more(rich.fit.cost, search.fitted_null.fit.cost - search.n_values)
+    return hardly_more(rich.fit.cost, search.retuned_gap_cost)
 
 
 def as_good(search: SetMoves[C], simple: C, rich: C) -> bool:

@@ -192,8 +192,7 @@ class SetSearch(SetMoves[C]):
         if not passed:
             return self.gain(candidate) > self.threshold(candidate.n_parameters) + 2.0 * np.log(len(self.library))
         removed = best.fit.cost - candidate.fit.cost
-        gap = self.fitted_null.fit.cost - self.n_values
-        if removed < SMALLEST_SHARE * gap and not arrived(self.own(candidate), best):
+        if removed < SMALLEST_SHARE * self.retuned_gap_cost and not arrived(self.own(candidate), best):
             return False
         extra = 2.0 * (self.evidence(candidate) - self.evidence(best))
         if self.is_far(candidate):
