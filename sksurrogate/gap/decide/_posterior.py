@@ -29,6 +29,7 @@ from sksurrogate.gap.search._nested import of_one_law
 from sksurrogate.gap.search._ode_search import OdeSearch
 from sksurrogate.gap.search._set_search import COMES_BACK
 from sksurrogate.gap.search._stopping import closes_by_size, leaves_most
+from sksurrogate.gap.unnamed._along_a_path import without
 from sksurrogate.gap.unnamed._law_evidence import LawBeside, LawQuestion
 from sksurrogate.gap.unnamed._law_left import LawLeft
 
@@ -55,7 +56,7 @@ def weigh(search: OdeSearch, final: Evidence) -> Posterior:
     """The posterior of a set's effects against the set without each of them, and without all, a law in their place."""
     n = len(final.effects)
     whole = final.candidate
-    none = _without(whole, tuple(range(n)))
+    none = without(whole, *range(n))
     nothing = judged_law(search, final, none, along=True, instead=whole if n == 1 else None)
     seeds = [] if nothing is None else [nothing.seed]
     own = judged_law(search, final, whole, along=False, seeds=seeds)
@@ -63,12 +64,12 @@ def weigh(search: OdeSearch, final: Evidence) -> Posterior:
         return Posterior(tuple(1.0 for _ in final.effects), None)
     net = contender(search, whole, own).net
     empty = -np.inf if nothing is None else contender(search, none, nothing).net
-    without = [empty]
+    against = [empty]
     if n > 1:
-        rests, seeds = [_without(whole, (i,)) for i in range(n)], [*seeds, own.seed]
+        rests, seeds = [without(whole, i) for i in range(n)], [*seeds, own.seed]
         laws = [judged_law(search, final, rest, along=True, seeds=seeds, instead=whole) for rest in rests]
-        without = [-np.inf if law is None else contender(search, rest, law).net for rest, law in zip(rests, laws)]
-    return Posterior(tuple(float(expit(net - np.logaddexp(one, empty))) for one in without), own)
+        against = [-np.inf if law is None else contender(search, rest, law).net for rest, law in zip(rests, laws)]
+    return Posterior(tuple(float(expit(net - np.logaddexp(one, empty))) for one in against), own)
 
 
 def let_stand(search: OdeSearch, final: Evidence) -> tuple[Evidence, Posterior]:
@@ -212,12 +213,6 @@ def is_needed(whole: float, fewer: float, tolerated: float) -> bool:
     (True, False, False)
     """
     return fewer > tolerated and whole < MOST_LEFT**2 * fewer
-
-
-def _without(candidate: OdeCandidate, out: tuple[int, ...]) -> OdeCandidate:
-    """A candidate without some effects, everything else as it is."""
-    effects, theta = candidate.without_effect(*out)
-    return candidate.problem.candidate(effects, replace(candidate.fit, theta=theta, linearised=None))
 
 
 def law_left_beside(search: OdeSearch, final: Evidence) -> LawLeft | None:

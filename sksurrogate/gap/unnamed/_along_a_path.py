@@ -13,30 +13,25 @@ from sksurrogate.kernels.output_error import settle_hidden
 
 
 def as_regressors(candidate: OdeCandidate, x: np.ndarray) -> LinearSet[OdeCandidate]:
-    """A set of effects as the simulator without effects carries what they do along a path."""
-    problem, n = candidate.problem, candidate.n_parameters
-    theta = candidate.fit.theta
-    none = problem.candidate((), replace(candidate.fit, theta=theta[n:], linearised=None), problem.augmented(()))
-    none = linear_along(none, x)
-    now, alone = x[:, None], none.model.bind(theta[n:, None])
-    after, shown = alone(now), alone.outputs(now)
-
-    def moved(values: np.ndarray) -> np.ndarray:
-        """What the effects move the outputs by, for every column of parameters: (n_outputs, n_columns, n_samples)."""
-        path = np.repeat(now, values.shape[1], axis=1)
-        bound = candidate.model.bind(values)
-        return none.disturbance.moved(bound(path) - after) + bound.outputs(path) - shown
-
+    """A set of effects, none of which has states, as the simulator without effects carries what they do along a path."""
+    problem, n, theta = candidate.problem, candidate.n_parameters, candidate.fit.theta
+    none = linear_along(without(candidate, *range(len(candidate.effects))), x)
     _, J, precision, pull = none.columns()
     steps = STEP_OF_SLOPES * problem.units(candidate.effects, theta)[:n]
     values = np.repeat(theta[:, None], 1 + n, axis=1)
     values[np.arange(n), 1 + np.arange(n)] += steps
-    found = moved(values) if n else np.zeros((len(problem.record.y), 1, problem.record.n_samples))
-    own = (found[:, 1:] - found[:, :1]) / steps[:, None] if n else found[:, :0]
+    found = carried(candidate, none, none, x, values) if n else np.zeros((len(none.fit.y), 1, x.shape[1]))
+    own = (found[:, 1:] - found[:, :1]) / steps[:, None]
     held = np.r_[np.where(theta[:n] != 0, np.abs(theta[:n]), np.inf) ** -2.0, precision]
     r = problem.record.seen(problem.record.y - none.fit.y - found[:, 0])
     J, pull = np.concatenate([own, J], axis=1), np.r_[np.zeros(n), pull]
     return LinearSet(r, J, held, pull, none)
+
+
+def without(candidate: OdeCandidate, *out: int) -> OdeCandidate:
+    """A set without some of its effects, everything else as it is."""
+    effects, theta = candidate.without_effect(*out)
+    return candidate.problem.candidate(effects, replace(candidate.fit, theta=theta, linearised=None))
 
 
 def linear_along(candidate: OdeCandidate, x: np.ndarray) -> OdeCandidate:
@@ -44,16 +39,22 @@ def linear_along(candidate: OdeCandidate, x: np.ndarray) -> OdeCandidate:
     return candidate.along(settle_hidden(candidate.model, candidate.fit.theta, x))
 
 
-def carried(whole: OdeCandidate, rest: OdeCandidate, by: OdeCandidate, x: np.ndarray) -> np.ndarray:
-    """What the effects that a set has beyond the ``rest`` of it move the outputs by, as another model carries it, (n_outputs, n_samples).
+def carried(
+    whole: OdeCandidate, rest: OdeCandidate, by: OdeCandidate, x: np.ndarray, values: np.ndarray | None = None
+) -> np.ndarray:
+    """What the effects that a set has beyond the ``rest`` of it move the outputs by, as another model carries it.
 
-    Along a path x of the plant's states.
+    ``x`` (n_states, n_samples): path of the plant's states.
+    ``values`` (n_theta, n_columns): of the parameters of the set; its own by default.
+    Returns (n_outputs, n_columns, n_samples).
     """
     n, now, shown = rest.model.n_nominal, [], []
-    for one in (whole, rest):
-        path, bound = settle_hidden(one.model, one.fit.theta, x)[:, None], one.model.bind(one.fit.theta[:, None])
+    values = whole.fit.theta[:, None] if values is None else values
+    for one, theta in ((whole, values), (rest, rest.fit.theta[:, None])):
+        path = np.repeat(settle_hidden(one.model, one.fit.theta, x)[:, None], theta.shape[1], axis=1)
+        bound = one.model.bind(theta)
         now.append(bound(path)[:n])
         shown.append(bound.outputs(path))
-    push = np.zeros((by.model.n_states, 1, x.shape[1]))
+    push = np.zeros((by.model.n_states, values.shape[1], x.shape[1]))
     push[:n] = now[0] - now[1]
-    return np.asarray((by.disturbance.moved(push) + shown[0] - shown[1])[:, 0])
+    return np.asarray(by.disturbance.moved(push) + shown[0] - shown[1])

@@ -100,7 +100,7 @@ def law_beside(
     if not linear.finite:
         return None
     named = frozenset(map(place_and_signal, candidate.effects))
-    own = None if instead is None else carried(instead, candidate, linear.base, x[: candidate.model.n_nominal])
+    own = None if instead is None else carried(instead, candidate, linear.base, x[: candidate.model.n_nominal])[:, 0]
     fit = _Fit(linear, unit, tolerance, named, {} if known is None else known, own)
     try:
         best = fit.best(asked.noises, asked.seeds)
