@@ -10,6 +10,7 @@ from sksurrogate.gap.fit._build import build_problem
 from sksurrogate.gap.fit._evidence import estimate_noise
 from sksurrogate.gap.fit._linear_set import LinearSet, linear_set
 from sksurrogate.gap.unnamed import _law_evidence
+from sksurrogate.gap.unnamed._along_a_path import as_regressors
 from sksurrogate.gap.unnamed._law_evidence import LawQuestion, law_beside
 from sksurrogate.gap.unnamed._law_shapes import PLAYS, SLEWS, followers, laws, of_time, over_sample, surfaces
 from sksurrogate.kernels.record import Record
@@ -204,6 +205,12 @@ def test_what_was_computed_of_a_set_answers_again(monkeypatch):
     monkeypatch.setattr(_law_evidence._Fit, "compared", lambda *given: pytest.fail("compared again"))
     monkeypatch.setattr(LinearSet, "noise_from", lambda *given: pytest.fail("fitted again"))
     assert law_beside(*asked, known=known) == first
+
+
+def test_an_effect_without_parameters_acts_in_the_simulator_without_effects_too():
+    problem, smoothed = problem_of(nothing, read=np.abs)
+    found = fitted(problem, smoothed.x, (CATALOGUE["sensor_rectification"]("q"), np.zeros(0))).candidate
+    np.testing.assert_allclose(as_regressors(found, found.fit.x[:2]).r, linear_set(found).r, atol=0.1 * NOISE)
 
 
 def test_forms_of_a_law_are_compared_as_one_at_a_time():

@@ -20,7 +20,7 @@ def as_regressors(candidate: OdeCandidate, x: np.ndarray) -> LinearSet[OdeCandid
     steps = STEP_OF_SLOPES * problem.units(candidate.effects, theta)[:n]
     values = np.repeat(theta[:, None], 1 + n, axis=1)
     values[np.arange(n), 1 + np.arange(n)] += steps
-    found = carried(candidate, none, none, x, values) if n else np.zeros((len(none.fit.y), 1, x.shape[1]))
+    found = carried(candidate, none, none, x, values)
     own = (found[:, 1:] - found[:, :1]) / steps[:, None]
     held = np.r_[np.where(theta[:n] != 0, np.abs(theta[:n]), np.inf) ** -2.0, precision]
     r = problem.record.seen(problem.record.y - none.fit.y - found[:, 0])
