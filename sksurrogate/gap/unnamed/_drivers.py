@@ -52,6 +52,10 @@ class Drivers:
             return False
         return self.kind in ("state", "parameter") or self.at_port(plain) or len(plain - {self.location}) < 2
 
+    def time_constant(self, terms: Sequence[Term]) -> float | None:
+        """Of the recent past that a formula holds; None where it holds none."""
+        return next((self.late[f[1]] for term in terms for f in term.factors if f[1] in self.late), None)
+
     def at_port(self, names: set[str]) -> bool:
         """Whether a law of some signals acts at a port: it has a state among them, or the port is none of the inputs."""
         further = self.location not in self.along

@@ -174,9 +174,8 @@ class Beam:
 
     def draft_of(self, chosen: Sequence[int]) -> Draft:
         """Terms of the library as a formula."""
-        late = next((self.library.late[k] for k in chosen if self.library.late[k] is not None), None)
         terms = tuple(self.library.terms[k] for k in chosen)
-        return self.regression.judged(Draft(terms, np.zeros(len(chosen)), late))
+        return self.regression.judged(Draft(terms, np.zeros(len(chosen)), self.regression.drivers.time_constant(terms)))
 
 
 def best_first(worth: Mapping[tuple[int, ...], float]) -> list[tuple[int, ...]]:

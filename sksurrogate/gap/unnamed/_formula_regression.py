@@ -81,11 +81,11 @@ class Regression:
             self.channel.D.weighted(columns, self.noise, self.factor).transpose(1, 0, 2).reshape(columns.shape[1], -1)
         )
 
-    def responses(self, terms: Sequence[Term], late: float | None) -> np.ndarray:
+    def responses(self, terms: Sequence[Term]) -> np.ndarray:
         """What terms move the outputs by: (n_outputs, n_terms, n_samples)."""
-        return self.channel.respond(self.values(terms, late))
+        return self.channel.respond(self.values(terms))
 
-    def values(self, terms: Sequence[Term], late: float | None) -> np.ndarray:
+    def values(self, terms: Sequence[Term]) -> np.ndarray:
         """Terms along the path (n_terms, n_samples)."""
         return self.drivers.values(terms, self.channel.record)
 
@@ -101,11 +101,10 @@ class Regression:
 
     def judged(self, draft: Draft) -> Draft:
         """Coefficients and worth of a formula with its constants as they are."""
-        nats, theta, log_det = self.solved(self.responses(draft.terms, draft.late))
-        k = sum(1 + len(term.constants) for term in draft.terms) + (draft.late is not None)
+        nats, theta, log_det = self.solved(self.responses(draft.terms))
         price = price_of(draft.terms, self.n_drivers)
         own = theta[len(self.channel.linear.precision) :]
-        cost = price + self.half_log * k
+        cost = price + self.half_log * len(draft.values)
         level = nats - cost - 0.5 * (self.K[0, 0] + log_det)
         return replace(draft, coefficients=own, nats=nats, worth=nats - cost, price=price, level=float(level))
 
@@ -115,11 +114,11 @@ class Regression:
         if not len(constants):
             return draft
         low, high = np.array([b for term in draft.terms for b in term.bounds]).T
-        spread = {name: float(np.std(z)) for name, z in self.drivers.signals.items()}
-        unit = np.maximum(np.abs(constants), 0.1 * max(spread.values()) if any(constants == 0) else 1e-12)
+        spread = max(float(np.std(z)) for z in self.drivers.signals.values())
+        unit = np.maximum(np.abs(constants), 0.1 * spread if any(constants == 0) else 1e-12)
         for _ in range(most_steps):
-            J = self.responses(draft.terms, draft.late)
-            slopes = self.slopes(draft, constants, unit, J)
+            J = self.responses(draft.terms)
+            slopes = self.slopes(draft, constants, unit)
             if not np.isfinite(slopes).all():
                 break
             _, theta, _ = self.solved(np.concatenate([J, slopes], axis=1))
@@ -140,14 +139,14 @@ class Regression:
                 break
         return draft
 
-    def slopes(self, draft: Draft, constants: np.ndarray, unit: np.ndarray, J: np.ndarray) -> np.ndarray:
+    def slopes(self, draft: Draft, constants: np.ndarray, unit: np.ndarray) -> np.ndarray:
         """Sensitivities of the outputs in the constants (n_outputs, n_constants, n_samples)."""
-        here = draft.coefficients @ self.values(draft.terms, draft.late)
+        here = draft.coefficients @ self.values(draft.terms)
         moved = []
         for k, size in enumerate(unit):
             other = constants.copy()
             other[k] += STEP_OF_SLOPES * size
-            there = draft.coefficients @ self.values(_at(draft.terms, other), draft.late)
+            there = draft.coefficients @ self.values(_at(draft.terms, other))
             moved.append((there - here) / (STEP_OF_SLOPES * size))
         return self.channel.respond(np.stack(moved))
 

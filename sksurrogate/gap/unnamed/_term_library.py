@@ -25,8 +25,6 @@ class Library:
     """Terms, and what they move the outputs by: (n_terms, n_outputs * n_samples), each for a signal of unit RMS."""
 
     terms: list[Term]
-    late: list[float | None]
-    sizes: np.ndarray
     columns: np.ndarray
 
     @classmethod
@@ -47,12 +45,7 @@ class Library:
         columns = channel.respond(unit).transpose(1, 0, 2).reshape(len(kept), -1)
         finite = np.isfinite(columns).all(axis=1)
         kept, columns = kept[finite], columns[finite]
-        return cls([terms[k] for k in kept], [_late(terms[k], drivers) for k in kept], sizes[kept], columns)
-
-
-def _late(term: Term, drivers: Drivers) -> float | None:
-    """Time constant of the recent past in a term."""
-    return next((drivers.late[f[1]] for f in term.factors if f[1] in drivers.late), None)
+        return cls([terms[k] for k in kept], columns)
 
 
 def _distinct(kept: np.ndarray, unit: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
