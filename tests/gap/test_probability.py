@@ -78,6 +78,17 @@ def test_of_three_effects_that_others_imitate_those_that_are_certain_stand_alone
     assert constants & {(other.name, other.location, other.variable), *other.equivalents}
 
 
+@pytest.mark.slow
+def test_a_name_in_an_inexact_form_is_compared_with_two_others_each_beside_its_law():
+    """A gain c x/(K + x) for a linear one: a constant and a wrong drain bend as it does, and without a law are 30 nats likelier."""
+    asked = draw("inexact", 2913836764855415906).question
+    diagnoser = GapDiagnoser(asked.simulator, free_params=asked.free_params, random_state=0, n_jobs=1)
+    report = diagnoser.fit(asked.X, asked.y, groups=asked.groups).report_
+    (named,) = report.effects
+    assert (named.name, named.location) == ("linear_loss", "lower") and report.verdict == "explained"
+    assert named.probability > 0.9
+
+
 def test_of_two_exact_effects_of_one_signal_a_curve_of_it_takes_none():
     """Dry friction and drag of a pendulum: a curve of the speed in the place of the drag is the drag."""
 

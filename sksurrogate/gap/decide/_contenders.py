@@ -76,20 +76,25 @@ def elsewhere(search: OdeSearch, final: Evidence, own: Contender) -> list[tuple[
     """Names of sets that differ by more than one effect in the place of one, and the nats by which they are likelier than what stands.
 
     Data that show the sum of several effects may be explained as well by others. Sets that hold what stands, or are a part of it,
-    do not count; one that holds another form of the same law holds the name. Where what stands leaves more than the noise, its forms are not exact, and the likelihood says too little of
+    do not count; one that holds another form of the same law holds the name. Those that are as likely without a law are judged beside
+    theirs, as what stands is. Where what stands leaves more than the noise, its forms are not exact, and the likelihood says too little of
     others that are as inexact: none counts.
     """
     if final.left > SETTLED:
         return []
     keys, level, swapped = set(final.candidate.keys), search.evidence(final.candidate), swaps(search, final.candidate)
-    apart = [
-        one
+    likelier = {
+        one: search.evidence(one) - level + _before(search, one) - own.before
         for one in _near(search, final)
         if search.own(one) is not None and not (one in swapped or keys <= set(one.keys) or keys >= set(one.keys))
-    ]
-    return [
-        (_held(one, final.candidate), search.evidence(one) - level + _before(search, one) - own.before) for one in apart
-    ]
+    }
+    as_likely = sorted(
+        (one for one in likelier if likelier[one] > -NATS_THAT_SETTLE), key=likelier.__getitem__, reverse=True
+    )
+    for one in as_likely[:MOST_OTHERS]:
+        for beside in judged_contender(search, final, one, [own.law.seed]):
+            likelier[one] = beside.net - own.net
+    return [(_held(one, final.candidate), nats) for one, nats in likelier.items()]
 
 
 def _held(one: OdeCandidate, other: OdeCandidate) -> frozenset:
