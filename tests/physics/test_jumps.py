@@ -8,7 +8,7 @@ from sksurrogate.effects._model import AugmentedModel
 from sksurrogate.kernels.output_error import output_error
 from sksurrogate.kernels.record import Record
 from sksurrogate.kernels.windows import run_by_samples
-from sksurrogate.physics import MuJoCoSimulator
+from sksurrogate.physics import MuJoCoSimulator, ODESimulator
 from sksurrogate.physics._fit_model import FitModel
 from sksurrogate.physics._model import PlantModel
 from sksurrogate.physics._mujoco_engine import Engine
@@ -51,6 +51,19 @@ def record_of(simulator, n_runs, n_samples, noise, x0=None):
     Y = [simulator.simulate(u, x0) for u in U]
     readings = [y + noise * rng.normal(size=y.shape) for y in Y]
     return Record.from_runs(list(U), readings, [simulator.dt * np.arange(n_samples)] * n_runs, simulator.dt)
+
+
+def test_a_run_that_begins_in_a_jump_is_no_stiff_plant():
+    """A spring with a preload, at rest in its middle: from there on x'' = 0.8 - x - 0.5 x', with its solution."""
+
+    def rhs(t, x, u, p):
+        return x[1], u[0] - x[0] - 0.5 * x[1] - 0.2 * np.sign(x[0])
+
+    spring = ODESimulator(rhs, states=["x", "v"], inputs=["u"], outputs=["x"], params={}, dt=0.1)
+    U, t, w = np.ones((100, 1)), 0.1 * np.arange(100), np.sqrt(1.0 - 0.25**2)
+    known = 0.8 * (1.0 - np.exp(-0.25 * t) * (np.cos(w * t) + 0.25 / w * np.sin(w * t)))
+    assert spring.simulate(U)[:, 0] == pytest.approx(known, abs=5e-4)  # the first substep begins without the preload
+    assert spring.substeps(U) <= 48
 
 
 def test_a_fit_goes_on_where_a_bounce_lets_no_correction_settle():
