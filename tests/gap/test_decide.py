@@ -68,8 +68,9 @@ def test_retuning_alone_is_judged_as_a_name_is():
     assert decide(alone)[0] == "explained"
     assert decide(replace(alone, share_left=0.3, left=3.0, lawful=0.25))[0] == "unknown"
     assert rule_of(replace(alone, share_left=0.4, left=1.1)) == "at_the_noise"
-    # noise that is as large as the gap hides nothing
-    assert rule_of(replace(alone, share_left=0.6, left=1.1)) == "most_left"
+    # what it leaves is a law, or a disturbance, however large beside the gap
+    assert rule_of(replace(alone, share_left=0.6, left=1.1, lawful=0.25)) == "most_left"
+    assert rule_of(replace(alone, share_left=0.6, left=1.1)) == "disturbance_left"
 
 
 def test_retuning_to_a_bound_explains_nothing():

@@ -2,12 +2,14 @@
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
+from sksurrogate.gap import GapDiagnoser
 from sksurrogate.gap.fit._build import build_problem
 from sksurrogate.gap.fit._evidence import estimate_noise
 from sksurrogate.gap.unnamed._law_evidence import LawQuestion, law_beside
 from sksurrogate.kernels.record import Record
-from sksurrogate.physics import ODESimulator
+from sksurrogate.physics import ODESimulator, StepSimulator
 from sksurrogate.physics._model import PlantModel
 from sksurrogate.physics._simulator import describe
 
@@ -114,3 +116,30 @@ def test_one_factor_serves_all_blocks():
     r, *blocks = (rng.normal(size=(1, k, RUNS * N)) for k in (2, 3, 1))
     for block, G in zip(blocks, D.grams_beside(r, null.noise)(blocks)):
         assert np.allclose(G, D.gram(np.concatenate([r, block], axis=1), null.noise)[0], rtol=1e-8, atol=1e-8)
+
+
+def test_a_law_of_measured_signals_that_only_tells_how_a_disturbance_goes_on_does_not_count():
+    """A gas furnace, its noise of second order: along the measured path a law of the gas and of what it makes seems certain."""
+
+    def furnace(delta):
+        def step(t, x, u, p, dt):
+            return [p["delta"] * x[0] - 0.53 * x[2] - 0.37 * x[3] - 0.51 * x[4], u[0], x[1], x[2], x[3]]
+
+        return StepSimulator(
+            step, states=["c", "u1", "u2", "u3", "u4"], inputs=["gas"], outputs=["co2"], output=lambda t, x, u, p: [x[0]],
+            params={"delta": delta}, dt=1.0, x0=np.zeros(5),
+        )  # fmt: skip
+
+    rng = np.random.default_rng(0)
+    gas, noise = (
+        lfilter([1.0], [1.0, -a, -b], rng.normal(size=400))[100:, None] for a, b in ((1.85, -0.88), (1.53, -0.63))
+    )
+    y = furnace(0.57).simulate(gas / gas.std())
+    y = y + 0.06 * y.std() * noise / noise.std()
+    names = ["sensor_bias", "input_gain"]
+    diagnoser = GapDiagnoser(furnace(0.547), effects=names, free_params=["delta"], random_state=0, n_jobs=1)
+    report = diagnoser.fit(gas / gas.std(), y).report_
+    assert report.verdict == "explained" and report.reasons.features["lawful"] < 0.1
+    (named,) = report.effects
+    assert (named.name, named.location) == ("parameter_error", "delta")
+    assert 0.547 * (1.0 + named.params["relative_error"]) == pytest.approx(0.57, abs=0.01)

@@ -22,7 +22,7 @@ from sksurrogate.gap.decide._contenders import (
 from sksurrogate.gap.decide._intervals import not_sized_beside_others
 from sksurrogate.gap.decide._one_curve import redundant_effect
 from sksurrogate.gap.fit._closeness import MOST_LEFT, SETTLED
-from sksurrogate.gap.fit._evidence import Evidence, estimate_noise
+from sksurrogate.gap.fit._evidence import CERTAIN, Evidence, estimate_noise
 from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.results._next_experiment import NATS_THAT_SETTLE
 from sksurrogate.gap.search._nested import of_one_law
@@ -216,12 +216,19 @@ def is_needed(whole: float, fewer: float, tolerated: float) -> bool:
 
 
 def law_left_beside(search: OdeSearch, final: Evidence) -> LawLeft | None:
-    """The law without a name beside what is named; beside no effect at all along the measured path."""
+    """The law without a name beside what is named; beside no effect at all along the measured path.
+
+    That path holds the disturbance, and a law of it may only tell how the disturbance goes on. A law that is certain there must be so
+    along the free run too, which holds none.
+    """
     null = search.fitted_null
     if final.effects:
         law = judged_law(search, final, final.candidate, along=False)
-    else:
-        problem = null.candidate.problem
-        noises = null.noise, problem.quiet(null.noise)
-        law = law_along(search, LawQuestion(null.candidate, noises, search.x[: len(problem.plant.states)]))
-    return None if law is None else law.left
+        return None if law is None else law.left
+    problem = null.candidate.problem
+    free = LawQuestion(null.candidate, (null.noise, problem.quiet(null.noise)))
+    law = law_along(search, replace(free, path=search.x[: len(problem.plant.states)]))
+    if law is None or law.left.gain <= CERTAIN:
+        return None if law is None else law.left
+    along = law_along(search, free)
+    return law.left if along is None or along.left.gain > CERTAIN else along.left

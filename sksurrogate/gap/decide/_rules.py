@@ -134,7 +134,7 @@ RULES: tuple[Rule, ...] = (
     ),
     Rule(
         "disturbance_left",
-        lambda f: certain(f) and f.share_left <= MOST_LEFT and leaves_a_disturbance(f),
+        lambda f: certain(f) and (f.share_left <= MOST_LEFT or not f.names) and leaves_a_disturbance(f),
         "explained",
         "The correction leaves a disturbance: it follows no law, and it is small beside the outputs.",
     ),
