@@ -24,16 +24,8 @@ from sksurrogate.physics import CallableSimulator, ControlSimulator, MuJoCoSimul
 
 ACCEPTED, NEAR, NOISE, CHECK, MAIN, REST = {}, {}, {}, {}, {}, {}
 CLOSED = ["throttle_body", "steam_generator", "cd_arm", "none_flexible_joint"]
-ONE_RUN = [
-    "glass_furnace",
-    "halogen_plate",
-    "hydraulic_arm",
-    "steam_generator",
-    "hair_dryer",
-    "cd_arm",
-    "wall_heat",
-    "none_gas_furnace",
-]
+ONE_RUN = ["glass_furnace", "halogen_plate", "steam_generator", "hair_dryer", "wall_heat", "cd_arm"]
+ONE_RUN += ["hydraulic_arm", "none_gas_furnace"]
 FREE = ["flywheel_rundown", "pohl_wheel"]
 COARSE = ["flywheel_rundown", "pohl_wheel", "halogen_plate", "throttle_body", "wall_heat"]
 
@@ -68,26 +60,9 @@ def hand_in(name, rng, sim, made, clean, sd, noise, main, grid=0.0, starts=None,
 
 
 def twin(
-    name,
-    rng,
-    sim,
-    main,
-    true,
-    plan,
-    start,
-    *,
-    see,
-    seen=None,
-    noise,
-    runs=1,
-    control=None,
-    pipe=straight,
-    late=0,
-    grid=0.0,
-    scale=1.0,
+    name, rng, sim, main, true, plan, start, *, see, seen=None, noise, runs=1, control=None, pipe=straight, late=0, grid=0.0, scale=1.0,
     order=None,
-    hum=None,
-):
+):  # fmt: skip
     """A plant with a right-hand side: ``main(t, x, u)`` and ``true(t, x, u, d)``, read by ``see(X)`` (n_rows, n_outputs).
 
     ``seen`` reads the plant of the main effects alone (its states are the first ``order``); ``plan(r)`` gives inputs and hidden
@@ -98,19 +73,17 @@ def twin(
     hidden = [D if D.ndim == 2 else D[:, None] for D in hidden]
     begins = [np.asarray(start(r, U[0]), float) for r, U in enumerate(made)]
     wish, outputs = [U.copy() for U in made], np.shape(see(begins[0][None]))[1]
-    e = [rng.normal(size=(len(U), outputs)) if hum is None else hum(len(U)) for U in made]
+    e = [rng.normal(size=(len(U), outputs)) for U in made]
 
     def campaign(sd):
         out = []
         for U, D, x, w, b in zip(made, hidden, begins, wish, e):
             U[:] = w
-            out.append(
-                see(
-                    play(
-                        true, x, U, D, sim.dt, scale, pipe, late, control, lambda x, k, b=b: see(x[None])[0] + sd * b[k]
-                    )
-                )
-            )
+
+            def reading(x, k, b=b):
+                return see(x[None])[0] + sd * b[k]
+
+            out.append(see(play(true, x, U, D, sim.dt, scale, pipe, late, control, reading)))
         return np.vstack(out)
 
     clean = campaign(0.0)
@@ -119,18 +92,10 @@ def twin(
 
     def alone():
         n = order or len(begins[0])
+        each = np.broadcast_to(scale, len(begins[0]))[:n]
+        runs = zip(made, hidden, begins)
         part = [
-            play(
-                lambda t, x, u, d: main(t, x, u),
-                x[:n],
-                U.copy(),
-                D,
-                sim.dt,
-                np.broadcast_to(scale, len(x))[:n],
-                pipe,
-                late,
-            )
-            for U, D, x in zip(made, hidden, begins)
+            play(lambda t, x, u, d: main(t, x, u), x[:n], U.copy(), D, sim.dt, each, pipe, late) for U, D, x in runs
         ]
         return np.vstack([(seen or see)(X) for X in part])
 
@@ -151,7 +116,7 @@ def nothing(n):
 def ce8_drives(rng):
     """Coupled electric drives CE8: pulley on a belt between two motors, 500 samples of 20 ms.
 
-    The pulse counter shows no direction; it rounds off near rest and smooths over 8 ms.
+    The pulse counter shows no direction; it rounds off near rest and smooths over 4 ms.
     """
     p = {"K": 1.0, "T": 0.24, "w0": 9.0, "d": 0.22}
 
@@ -160,7 +125,7 @@ def ce8_drives(rng):
         return (p["K"] * u[0] - m) / p["T"], a, p["w0"] ** 2 * (m - w) - 2 * p["d"] * p["w0"] * a
 
     def true(t, x, u, d):
-        return *nom(t, x[:3], u, p), (np.hypot(x[1], 0.03) - x[3]) / 0.008
+        return *nom(t, x[:3], u, p), (np.hypot(x[1], 0.03) - x[3]) / 0.004
 
     def plan(r):
         u = steps(rng, 500, -1.6, 2.6, 14) if r else 0.35 + 1.15 * np.sign(steps(rng, 500, -1, 1, 25))
@@ -173,13 +138,13 @@ def ce8_drives(rng):
         "ce8_drives", rng, sim, lambda t, x, u: nom(t, x, u, p), true, plan, lambda r, u: [0.5, 0.5, 0, np.hypot(0.5, 0.03)],
         see=lambda X: X[:, 3:4], seen=lambda X: np.abs(X[:, 1:2]), order=3, noise=0.05, runs=3,
     )  # fmt: skip
-    return sim, *data, "sensor_rectification@w (rounded within 0.03 V, lag of 8 ms)"
+    return sim, *data, "sensor_rectification@w (rounded within 0.03 V, lag of 4 ms)"
 
 
 MAIN["ce8_drives"] = [("sensor_rectification", ("w",), {})]
 ACCEPTED["ce8_drives"] = [["sensor_rectification@w"]]
 NEAR["ce8_drives"] = ["sensor_nonlinearity@w (c > 0), said to be partial"]
-REST["ce8_drives"] = ["sensor_lag or sensor_delay@w (8 ms)"]
+REST["ce8_drives"] = ["sensor_lag or sensor_delay@w (4 ms)"]
 
 
 @case
@@ -219,9 +184,7 @@ def glass_furnace(rng):
 
 
 MAIN["glass_furnace"] = [("input_coupling", ("heat2", "heat1"), {"coefficient": 0.2})]
-ACCEPTED["glass_furnace"] = [
-    ["input_coupling@heat2 of heat1", "linear_loss@T2 of heat1 (c < 0)", "hidden_relaxation@T2 of heat1"]
-]
+ACCEPTED["glass_furnace"] = [["input_coupling@heat2 of heat1", "linear_loss@T2 of heat1 (c < 0)"]]
 NEAR["glass_furnace"] = [
     "exchange@T2 of heat1 or of T1",
     "linear_loss@T2 of T1 (c < 0)",
@@ -394,13 +357,7 @@ MAIN["throttle_body"] = [
     ("lugre_friction", ("v", "v"), {"stiffness": 3200.0, "level": 900.0, "static_level": 1250.0, "velocity": 40.0})
 ]
 ACCEPTED["throttle_body"] = [
-    [
-        "lugre_friction@v",
-        "coulomb_friction@v",
-        "stribeck_friction@v",
-        "asymmetric_friction@v",
-        "hysteresis@v of q",
-    ]
+    ["lugre_friction@v", "coulomb_friction@v", "stribeck_friction@v", "asymmetric_friction@v", "hysteresis@v of q"]
 ]
 NEAR["throttle_body"] = [
     "input_backlash@volts (what dry friction against a spring looks like)",
@@ -473,7 +430,7 @@ REST["steam_generator"] = ["input_gain@load", "parameter_error@ks", "input_gain@
 def hair_dryer(rng):
     """Hair dryer PT326, binary heater voltage of 3.41 or 6.41 V, 1000 samples of 80 ms.
 
-    The air needs 0.22 s through the tube, whose wall adds a lag of 20 ms. Rest: supply wanders by 0.3 %.
+    The air needs 0.22 s through the tube, whose wall adds a lag of 12 ms. Rest: supply wanders by 0.3 %.
     """
     p = {"K": 0.95, "T1": 0.42, "T2": 0.16}
 
@@ -486,7 +443,7 @@ def hair_dryer(rng):
         return (p["K"] * u[0] - x[0]) / p["T1"], (x[0] - x[1]) / p["T2"]
 
     def true(t, x, u, d):
-        return (p["K"] * x[2] * (1 + d[0]) - x[0]) / p["T1"], (x[0] - x[1]) / p["T2"], (u[0] - x[2]) / 0.02
+        return (p["K"] * x[2] * (1 + d[0]) - x[0]) / p["T1"], (x[0] - x[1]) / p["T2"], (u[0] - x[2]) / 0.012
 
     def plan(r):
         u = np.where(np.cumsum(rng.random(1000) < 0.16) % 2, 6.41, 3.41)
@@ -497,17 +454,17 @@ def hair_dryer(rng):
     data = twin(
         "hair_dryer", rng, sim, main, true, plan, lambda r, u: [*start, 3.41], see=lambda X: X[:, 1:2], order=2, noise=0.04, late=14,
     )  # fmt: skip
-    return sim, *data, "input_delay@heater 0.224 s (and a lag of 20 ms)"
+    return sim, *data, "input_delay@heater 0.224 s (and a lag of 12 ms)"
 
 
-MAIN["hair_dryer"] = [("input_delay", ("heater",), {"delay": 0.24})]
+MAIN["hair_dryer"] = [("input_delay", ("heater",), {"delay": 0.235})]
 ACCEPTED["hair_dryer"] = [["input_delay@heater", "sensor_delay@T"]]
 NEAR["hair_dryer"] = [
     "input_lag@heater or sensor_lag@T, said to be partial",
     "parameter_error@T1 or @T2 (+), said to be partial",
     "hidden_relaxation@T",
 ]
-REST["hair_dryer"] = ["input_lag@heater (20 ms)", "input_gain@heater"]
+REST["hair_dryer"] = ["input_lag@heater (12 ms)", "input_gain@heater"]
 
 
 def balanced(P, U, dt):
@@ -522,7 +479,7 @@ def balanced(P, U, dt):
 def wall_heat(rng):
     """Heat flow into a wall, 1680 samples of 10 minutes, from a tool that gives trajectories alone; display of 0.2 W/m2.
 
-    The heat-flow plate and its plaster have lags of 20 and 6 minutes. Rest: wind wanders by 0.4 K of the outer air.
+    The heat-flow plate and its plaster have lags of 20 and 3 minutes. Rest: wind wanders by 0.4 K of the outer air.
     """
     p = {"R": 1.5, "C": 300.0, "film": 0.13}
 
@@ -558,7 +515,7 @@ def wall_heat(rng):
 
     def main(t, x, u, wind=0.0):
         q = inner * (u[0] - x[0])
-        return [*(A @ x[:5] + B @ np.array([u[0], u[1] + wind])), 3 * (q - x[5]), 10 * (x[5] - x[6])]
+        return [*(A @ x[:5] + B @ np.array([u[0], u[1] + wind])), 3 * (q - x[5]), 20 * (x[5] - x[6])]
 
     def start(r, u):
         x = -np.linalg.solve(A, B @ u)
@@ -569,10 +526,10 @@ def wall_heat(rng):
         "wall_heat", rng, sim, main, lambda t, x, u, d: main(t, x, u, d[0]), plan, start, see=lambda X: X[:, 6:7], noise=0.02,
         grid=0.2,
     )  # fmt: skip
-    return sim, *data, "sensor_lag@q 0.43 h (0.33 and 0.1)"
+    return sim, *data, "sensor_lag@q 0.38 h (0.33 and 0.05)"
 
 
-MAIN["wall_heat"] = [("sensor_lag", ("q",), {"time_constant": 0.43})]
+MAIN["wall_heat"] = [("sensor_lag", ("q",), {"time_constant": 0.47})]
 ACCEPTED["wall_heat"] = [["sensor_lag@q", "input_lag@Ti"]]
 NEAR["wall_heat"] = [
     "sensor_delay@q or input_delay@Ti, said to be partial",
@@ -599,7 +556,7 @@ def cd_arm(rng):
 
     def main(t, x, u, spin=0.0):
         d = A @ x[:4] + B @ np.array([u[0] + spin, u[1]])
-        bend = 1900.0**2 * (x[4] - x[0]) + 2 * 0.02 * 1900.0 * (x[5] - x[1])
+        bend = 1900.0**2 * (x[4] - x[0]) + 2 * 0.008 * 1900.0 * (x[5] - x[1])
         d[1] += 0.12 * bend
         return [*d, x[5], -bend]
 
@@ -623,7 +580,7 @@ def cd_arm(rng):
 
 
 MAIN["cd_arm"] = [
-    ("hidden_mode", ("vy", "y"), {"gain": 0.12 * 1900.0**2, "angular_frequency": 1900.0, "damping": 0.02})
+    ("hidden_mode", ("vy", "y"), {"gain": 0.12 * 1900.0**2, "angular_frequency": 1900.0, "damping": 0.008})
 ]
 ACCEPTED["cd_arm"] = [["hidden_mode@vy of y", "hidden_mode@radial of y"]]
 NEAR["cd_arm"] = [
@@ -654,7 +611,7 @@ def f16_payload(rng):
     def plan(r):
         t = np.arange(600) * 0.01
         span = (13.0, -9.5 / 12) if r == 1 else (3.5, 9.5 / 12)
-        wave = np.sin(2 * np.pi * (span[0] * t + span[1] * t**2 * 1.0) + rng.uniform(0, 6.28))
+        wave = np.sin(2 * np.pi * (span[0] * t + span[1] * t**2) + rng.uniform(0, 6.28))
         return (0.35 + 0.2 * r) * wave * np.minimum(t / 0.2, 1), nothing(600)
 
     sim = ControlSimulator(system, dt=0.01)
@@ -676,29 +633,30 @@ NEAR["f16_payload"] = [
 REST["f16_payload"] = ["input_gain@base (0.2 %)"]
 
 
-def moved(text, U, x0, dt, force, finer=1e-3, hidden=()):
+def moved(text, U, x0, dt, force, hidden=(), late=0.0, finer=1e-3):
     """States of a MuJoCo model at the samples; ``force(q, v, u, z)`` gives forces at the joints, inputs, rates of hidden states."""
     import mujoco
 
     model = mujoco.MjModel.from_xml_string(text)
     model.opt.timestep = finer
-    data, z, X = mujoco.MjData(model), np.array(hidden, float), []
+    data, z, X, n = mujoco.MjData(model), np.array(hidden, float), [], round(dt / finer)
     data.qpos[:], data.qvel[:] = x0[: model.nq], x0[model.nq :]
-    for u in U:
-        X.append(np.r_[data.qpos, data.qvel])
-        for _ in range(round(dt / finer)):
-            data.qfrc_applied[:], data.ctrl[:], rate = force(data.qpos, data.qvel, u, z)
-            mujoco.mj_step(model, data)
-            z = z + finer * np.asarray(rate)
+    for k in range(n * len(U)):
+        if k % n == 0:
+            X.append(np.r_[data.qpos, data.qvel])
+        u = U[max(k - round(late / finer), 0) // n]
+        data.qfrc_applied[:], data.ctrl[:], rate = force(data.qpos, data.qvel, u, z)
+        mujoco.mj_step(model, data)
+        z = z + finer * np.asarray(rate)
     return np.array(X)
 
 
-def robot(name, rng, sim, text, made, starts, force, true, columns, noise, grid=0.0, hidden=None):
+def robot(name, rng, sim, text, made, starts, force, true, columns, noise, grid=0.0, hidden=None, late=0.0):
     """A plant of MuJoCo: ``force`` has the main effects, ``true`` the rest too, see ``moved``."""
     hidden = hidden or (lambda U: ())
 
     def play_all(f):
-        return np.vstack([moved(text, U, x, sim.dt, f, hidden=hidden(U))[:, columns] for U, x in zip(made, starts)])
+        return np.vstack([moved(text, U, x, sim.dt, f, hidden(U), late)[:, columns] for U, x in zip(made, starts)])
 
     clean = play_all(true)
     return hand_in(name, rng, sim, made, clean, noise * clean.std(0), noise, lambda: play_all(force), grid, starts)
@@ -721,7 +679,7 @@ AERO = """<mujoco><option timestep="0.005" integrator="RK4"/><worldbody><body na
 def aero_helicopter(rng):
     """Helicopter of two degrees of freedom (pitch and yaw) on its stand.
 
-    The main rotor needs 0.3 s to spin up, a little less when it is fast. Rest: tail rotor of 10 ms, a draught at the yaw axis of 0.2
+    The main rotor needs 0.3 s to spin up, a little less when it is fast. Rest: tail rotor of 10 ms, a draught at the yaw axis of 0.03
     mN m.
     """
 
@@ -739,7 +697,7 @@ def aero_helicopter(rng):
         Vp, Vy = steps(rng, 300, -14, 14, 18), steps(rng, 300, -12, 12, 18)
         made.append(np.c_[np.r_[np.zeros(4), Vp[4:] - Vp[4:].mean()], np.r_[np.zeros(4), Vy[4:] - Vy[4:].mean()]])
     data = robot(
-        "aero_helicopter", rng, sim, AERO, made, [np.zeros(4)] * 3, force, lambda q, v, u, z: force(q, v, u, z, 0.01, 2e-4), [1, 0],
+        "aero_helicopter", rng, sim, AERO, made, [np.zeros(4)] * 3, force, lambda q, v, u, z: force(q, v, u, z, 0.01, 3e-5), [1, 0],
         0.015, hidden=lambda U: U[0],
     )  # fmt: skip
     return sim, *data, "input_lag@Vp 0.3 s (0.32, less when fast)"
@@ -792,10 +750,7 @@ MAIN["hydraulic_arm"] = [
     ("input_dead_zone", ("valve",), {"half_width": 0.07}),
     ("power_law", ("P", "P"), {"coefficient": 0.2, "exponent": 1.6}),
 ]
-ACCEPTED["hydraulic_arm"] = [
-    ["input_dead_zone@valve"],
-    ["power_law@P", "quadratic_drag@P", "cubic_stiffness@P"],
-]
+ACCEPTED["hydraulic_arm"] = [["input_dead_zone@valve"], ["power_law@P", "quadratic_drag@P", "cubic_stiffness@P"]]
 NEAR["hydraulic_arm"] = [
     "one of both alone",
     "coulomb_friction@P of valve for the dead zone",
@@ -841,10 +796,7 @@ def fed_batch(rng):
 
 
 MAIN["fed_batch"] = [("sensor_drift", ("X",), {"rate": 0.063}), ("input_gain", ("feed",), {"relative_error": -0.07})]
-ACCEPTED["fed_batch"] = [
-    ["sensor_drift@X"],
-    ["input_gain@feed", "input_curve@feed (c < 0)"],
-]
+ACCEPTED["fed_batch"] = [["sensor_drift@X"], ["input_gain@feed", "input_curve@feed (c < 0)"]]
 NEAR["fed_batch"] = [
     "one of both alone",
     "sensor_gain@X, drift@X, parameter_error or parameter_drift@Y or @Sf for the film",
@@ -854,7 +806,7 @@ REST["fed_batch"] = ["parameter_error@Y", "sensor_quantization@V"]
 
 
 FURUTA = """<mujoco><option timestep="0.002" integrator="RK4"/><worldbody><body name="base" pos="0 0 0.5">
-<joint name="arm" axis="0 0 1" damping="0.002"/>
+<joint name="arm" axis="0 0 1" damping="0.002" stiffness="0.05"/>
 <geom type="capsule" size="0.006" fromto="0 0 0 0.2 0 0" mass="0.1" contype="0" conaffinity="0"/>
 <body name="rod" pos="0.2 0 0"><joint name="pend" axis="1 0 0" damping="0.0004"/>
 <geom type="capsule" size="0.005" fromto="0 0 0 0 0 -0.3" mass="0.12" contype="0" conaffinity="0"/></body></body></worldbody>
@@ -863,64 +815,47 @@ FURUTA = """<mujoco><option timestep="0.002" integrator="RK4"/><worldbody><body 
 
 @case
 def furuta_hanging(rng):
-    """Furuta pendulum that hangs, excited by its motor.
+    """Furuta pendulum that hangs, excited by its motor, with the cable of its encoder as a known spring.
 
-    The bearing of the arm has a Stribeck curve, and the cable of the encoder pulls the arm back, harder when it is wound up. Rest: a
-    little friction of the pendulum, encoders of 2048 lines.
+    The bearing of the arm has a Stribeck curve, and the torque comes 28 ms late (bus) through a current loop of 4 ms. Rest: a little
+    friction of the pendulum, encoders of 2048 lines.
     """
 
-    def force(q, v, u, z, rest=0.0):
-        dry = (0.008 + 0.004 * np.exp(-((v[0] / 0.2) ** 2))) * np.tanh(v[0] / 0.03)
-        cable = 0.03 * q[0] * (1 + 0.03 * q[0] ** 2)
-        return [-dry - cable, -rest * np.tanh(v[1] / 0.05)], u, ()
+    def force(q, v, u, z, rest=0.0):  # z: the torque
+        dry = (0.006 + 0.003 * np.exp(-((v[0] / 0.2) ** 2))) * np.tanh(v[0] / 0.03)
+        return [-dry, -rest * np.tanh(v[1] / 0.05)], z, (u - z) / 0.004
 
     sim = MuJoCoSimulator(
-        FURUTA, outputs=["arm.pos", "pend.pos"], params=["arm.damping", "pend.damping", "rod.mass"], dt=0.02,
-    )  # fmt: skip
-    made = [
-        np.r_[np.zeros(3), (sines(rng, 247, 0.02, 0.035 + 0.006 * r, 0.25, 1.6, 6) + steps(rng, 247, -0.02, 0.02, 40))][
-            :, None
-        ]
-        for r in range(4)
-    ]
-    starts = [np.array([0.0, [0.0, 0.6, -0.9, 0.0][r], 0, 0]) for r in range(4)]
+        FURUTA, outputs=["arm.pos", "pend.pos"], params=["arm.damping", "pend.damping", "rod.mass"], dt=0.02
+    )
+    made, starts = [], [np.array([0.0, [0.0, 0.6, -0.9, 0.0][r], 0, 0]) for r in range(4)]
+    for r in range(4):
+        torque = sines(rng, 247, 0.02, 0.035 + 0.006 * r, 0.25, 1.8, 6) + steps(rng, 247, -0.02, 0.02, 40)
+        made.append(np.r_[np.zeros(3), torque][:, None])
     data = robot(
         "furuta_hanging", rng, sim, FURUTA, made, starts, force, lambda q, v, u, z: force(q, v, u, z, 4e-5), [0, 1], 0.015,
-        grid=2 * np.pi / 8192,
+        grid=2 * np.pi / 8192, hidden=lambda U: U[0], late=0.028,
     )  # fmt: skip
-    return (
-        sim,
-        *data,
-        "stribeck_friction@arm (8 to 12 mN m) + linear_loss@arm of arm.pos 0.03 N m/rad (hardens a little)",
-    )
+    return sim, *data, "stribeck_friction@arm (6 to 9 mN m) + input_delay@torque 32 ms (28 ms and a lag of 4)"
 
 
 MAIN["furuta_hanging"] = [
-    ("stribeck_friction", ("arm", "arm.vel"), {"level": 0.008, "static_level": 0.012, "velocity": 0.2}),
-    ("linear_loss", ("arm", "arm.pos"), {"coefficient": 0.031}),
+    ("stribeck_friction", ("arm", "arm.vel"), {"level": 0.006, "static_level": 0.009, "velocity": 0.2}),
+    ("input_delay", ("torque",), {"delay": 0.032}),
 ]
 ACCEPTED["furuta_hanging"] = [
     [
-        "stribeck_friction@arm or torque",
-        "coulomb_friction@arm or torque",
-        "asymmetric_friction@arm or torque",
-        "lugre_friction@arm or torque",
+        f"{name}@arm or torque"
+        for name in ("stribeck_friction", "coulomb_friction", "asymmetric_friction", "lugre_friction")
     ],
-    [
-        "linear_loss@arm or torque of arm.pos",
-        "power_law@arm or torque of arm.pos",
-        "cubic_stiffness@arm or torque of arm.pos",
-        "quadratic_drag@arm or torque of arm.pos",
-        "gravity_tilt@arm or torque of arm.pos",
-    ],
+    ["input_delay@torque"],
 ]
 NEAR["furuta_hanging"] = [
     "one of both alone",
-    "hysteresis@arm of arm.pos (for either)",
-    "linear_loss@arm of arm.vel or parameter_error@arm.damping for the friction",
-    "parameter_error@rod.mass",
+    "input_lag@torque for the delay",
+    "hysteresis@arm of arm.pos, linear_loss@arm of arm.vel or parameter_error@arm.damping for the friction",
 ]
-REST["furuta_hanging"] = ["coulomb_friction@pend", "parameter_error@pend.damping"]
+REST["furuta_hanging"] = ["coulomb_friction@pend", "parameter_error@pend.damping", "input_lag@torque (4 ms)"]
 
 
 # ------------------------------------------------------------------------------------------------ no main effect
@@ -930,7 +865,7 @@ REST["furuta_hanging"] = ["coulomb_friction@pend", "parameter_error@pend.damping
 def none_quadruple_tank(rng):
     """Quadruple tank of Johansson, three runs of samples of 5 s; nothing is missing.
 
-    Rest: pumps 0.2 % weaker at full voltage, the water swirls (0.02 of the flow), levels shown in 0.02 cm; outlet a1 free, 4 % off.
+    Rest: pumps 0.1 % weaker at full voltage, the water swirls (0.02 of the flow), levels shown in 0.02 cm; outlet a1 free, 4 % off.
     """
     p = {
         "A1": 28.0,
@@ -965,7 +900,7 @@ def none_quadruple_tank(rng):
     )  # fmt: skip
     data = twin(
         "none_quadruple_tank", rng, sim, lambda t, x, u: nom(t, x, u, p),
-        lambda t, x, u, d: nom(t, x, [v * (1 - 0.001 * (v - 2)) for v in u], p, d[0]), plan, lambda r, u: rest,
+        lambda t, x, u, d: nom(t, x, [v * (1 - 0.0005 * (v - 2)) for v in u], p, d[0]), plan, lambda r, u: rest,
         see=lambda X: X[:, :2], noise=0.02, runs=3, grid=0.02,
     )  # fmt: skip
     return sim, *data, "none (a1 free, 4 % off)"
@@ -974,7 +909,7 @@ def none_quadruple_tank(rng):
 KW["none_quadruple_tank"] = {"free_params": ["a1"]}
 ACCEPTED["none_quadruple_tank"] = [[]]
 NEAR["none_quadruple_tank"] = []
-REST["none_quadruple_tank"] = ["input_gain or input_curve@v1 or v2 (0.2 %)"]
+REST["none_quadruple_tank"] = ["input_gain or input_curve@v1 or v2 (0.1 %)"]
 
 
 @case
