@@ -38,7 +38,7 @@ class LawStage(DiagnosisState[C]):
         if rule.withdraws:
             self.withdraw_names(LEAVE_A_LAW)
         elif self.names_may_imitate(rule.verdict):
-            beside, rest = self.law_in_place_of_names(found.held)
+            beside, rest = self.law_in_place_of_names(found.held, rule.verdict)
         if beside is None and rule.law and rule.verdict in ("partial", "unknown"):
             base = self.final if rule.verdict == "partial" else self.null
             beside = self.access.law_beside(base, self.final, found.held) if rest is None else rest
@@ -56,21 +56,23 @@ class LawStage(DiagnosisState[C]):
         return law.is_constant and (CONSTANTS[law.kind], law.location) in asked
 
     def names_may_imitate(self, verdict: str) -> bool:
-        """Whether one effect without a name may be behind all names: a stack, or names of several places or signals that leave more than noise."""
+        """Whether one effect without a name may be behind all names: they leave more than the tolerance, are a stack, or leave more than
+        noise from several places or signals.
+        """
         effects = self.final.effects
         apart = len({place_and_signal(effect) for effect in effects}) > 1 and self.final.left > NEARLY_WHITE
-        return verdict in ("explained", "partial") and (len(effects) >= STACK or apart)
+        return verdict == "partial" or (verdict == "explained" and (len(effects) >= STACK or apart))
 
-    def law_in_place_of_names(self, held: HeldOut) -> tuple[CertifiedLaw | None, CertifiedLaw | None]:
+    def law_in_place_of_names(self, held: HeldOut, verdict: str) -> tuple[CertifiedLaw | None, CertifiedLaw | None]:
         """One formula that is clearly likelier than all names, and than these with the law that they leave: they are withdrawn.
 
         None where the names stand; and the law that they leave, where it was asked for.
         """
-        beside = self.access.law_beside(self.null, self.final, held)
-        if beside is None or not takes_the_place(self.search, beside.law, self.final):
+        beside, leave_a_law = self.access.law_beside(self.null, self.final, held), verdict == "partial"
+        if beside is None or not (leave_a_law or takes_the_place(self.search, beside.law, self.final)):
             return None, None
         rest = self.access.law_beside(self.final, self.final, held)
-        if rest is not None and not takes_the_place(self.search, beside.law, self.final, rest.law):
+        if not takes_the_place(self.search, beside.law, self.final, None if rest is None else rest.law):
             return None, rest
         after = self.withdraw_names(INSTEAD)
         return replace(beside, held=replace(after, law=beside.held.law)), None

@@ -186,9 +186,19 @@ def judged_law(
     noises = noises_of(final) if noises is None else noises
     asked = LawQuestion(candidate, noises, x if along or far else None, seeds=seeds, instead=instead)
     found = [law_along(search, asked)]
-    if candidate.effects and final.left > AT_THE_NOISE and candidate.model.n_states == candidate.model.n_nominal:
+    if candidate.effects and final.left > AT_THE_NOISE and _may_be_regressors(candidate):
         found.append(law_along(search, replace(asked, path=x, bare=True)))
     return max((one for one in found if one is not None), key=lambda one: one.total, default=None)
+
+
+def _may_be_regressors(candidate: OdeCandidate) -> bool:
+    """Whether effects may be regressors along the data: none has a state, and none changes a sensor.
+
+    Along the data a sensor reads the noise of its own readings. What it would change of them, less a law of what the simulator reads,
+    explains that noise.
+    """
+    sensors = any(effect.kind == "output" for effect in candidate.effects)
+    return not sensors and candidate.model.n_states == candidate.model.n_nominal
 
 
 def law_along(search: OdeSearch, asked: LawQuestion) -> LawBeside | None:

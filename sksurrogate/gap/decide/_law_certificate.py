@@ -51,11 +51,11 @@ def held_out_law(search: OdeSearch, laws: Sequence[FittedLaw], held: HeldOut) ->
 def takes_the_place(
     search: BaseSearch[Any], law: FittedLaw, final: Evidence[OdeCandidate], rest: FittedLaw | None = None
 ) -> bool:
-    """Whether a formula on top of nothing, of fewer parts than there are names, is clearly likelier than these and the law that they leave.
+    """Whether a formula on top of nothing, of fewer parts than names and law, is clearly likelier than these names and the law that they leave.
 
     All with the price of their choice.
     """
-    if law.curve or separate_parts(law.effect.terms) >= len(final.effects):
+    if law.curve or separate_parts(law.effect.terms) >= len(final.effects) + (rest is not None):
         return False  # parts that share no signal are as many effects
     named = final if rest is None else rest.found
     score = search.order([law.found.candidate, named.candidate])

@@ -1,15 +1,22 @@
-"""Effects that only correct the form of another one: their size is not known, or the two cancel."""
+"""Names and laws of one place and signal are parts of one curve: which of them only corrects the form of the other."""
 
 from __future__ import annotations
 
 from itertools import combinations
 
 import numpy as np
+from scipy.special import ndtr
 
+from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.gap.decide._intervals import intervals, not_sized
 from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.unnamed._law_evidence import place_and_signal
+from sksurrogate.gap.unnamed._law_left import LawLeft
+from sksurrogate.gap.unnamed._law_shapes import AND_ITS_PAST
+
+#: Smallest spread of a size, over the gap's.
+LEAST_SPREAD = 1e-6
 
 
 def moved_by(candidate: OdeCandidate) -> list[np.ndarray | None]:
@@ -48,3 +55,20 @@ def redundant_effect(final: Evidence[OdeCandidate]) -> int | None:
 
 def _size(outputs: np.ndarray) -> float:
     return float(np.linalg.norm(outputs))
+
+
+def form_holds(effect: BaseEffect, law: LawLeft, tolerance: float) -> float:
+    """Probability that the law beside a name leaves the name its form.
+
+    A name and a law of its own place and signal are one curve. Up to the tolerance the law corrects the form of the name, for no form is
+    exact; a larger one is a curve of another form, of which the name is a part at best. Laws elsewhere say nothing of the name.
+
+    >>> from sksurrogate.effects import CATALOGUE
+    >>> leak, law = CATALOGUE["sqrt_leak"]("speed", "speed"), LawLeft("speed", "state", "speed", size=0.3, spread=0.01)
+    >>> form_holds(leak, law, 0.1) < 1e-9, form_holds(leak, LawLeft("speed", "state", "force", size=0.3), 0.1)
+    (True, 1.0)
+    """
+    signal = law.location, law.variable.removesuffix(AND_ITS_PAST)
+    if signal != place_and_signal(effect) or (law.kind == "output") != (effect.kind == "output"):
+        return 1.0
+    return float(ndtr((tolerance - law.size) / max(law.spread, LEAST_SPREAD)))

@@ -20,7 +20,7 @@ from sksurrogate.gap.decide._contenders import (
     preferred,
 )
 from sksurrogate.gap.decide._intervals import not_sized_beside_others
-from sksurrogate.gap.decide._one_curve import redundant_effect
+from sksurrogate.gap.decide._one_curve import form_holds, redundant_effect
 from sksurrogate.gap.fit._closeness import MOST_LEFT, SETTLED
 from sksurrogate.gap.fit._evidence import CERTAIN, Evidence, estimate_noise
 from sksurrogate.gap.fit._ode import OdeCandidate
@@ -35,6 +35,8 @@ from sksurrogate.gap.unnamed._law_left import LawLeft
 
 #: Probability from which a name is given, and from which one stands beside others; below it a law does as well in its place.
 CERTAIN_NAME = 0.9
+#: Odds are followed up to so many nats, which a double still holds.
+MOST_NATS = 700.0
 #: One that stands alone is reported as uncertain from here on: it is likelier than not.
 LEAST_ALONE = 0.5
 
@@ -53,7 +55,10 @@ class Posterior:
 
 
 def weigh(search: OdeSearch, final: Evidence) -> Posterior:
-    """The posterior of a set's effects against the set without each of them, and without all, a law in their place."""
+    """The posterior of a set's effects against the set without each of them, and without all, a law in their place.
+
+    A name whose place and signal have a law larger than the tolerance beside it has not the form of what is there.
+    """
     n = len(final.effects)
     whole = final.candidate
     none = without(whole, *range(n))
@@ -69,7 +74,11 @@ def weigh(search: OdeSearch, final: Evidence) -> Posterior:
         rests, seeds = [without(whole, i) for i in range(n)], [*seeds, own.seed]
         laws = [judged_law(search, final, rest, along=True, seeds=seeds, instead=whole) for rest in rests]
         against = [-np.inf if law is None else contender(search, rest, law).net for rest, law in zip(rests, laws)]
-    return Posterior(tuple(float(expit(net - np.logaddexp(one, empty))) for one in against), own)
+    chances = (
+        expit(net - np.logaddexp(one, empty)) * form_holds(effect, own.left, search.tolerance)
+        for one, effect in zip(against, final.effects)
+    )
+    return Posterior(tuple(map(float, chances)), own)
 
 
 def let_stand(search: OdeSearch, final: Evidence) -> tuple[Evidence, Posterior]:
@@ -137,7 +146,7 @@ def _sure_part(search: OdeSearch, final: Evidence, posterior: Posterior) -> tupl
 def _not_elsewhere(key: tuple, keys: Sequence[tuple], posterior: Posterior) -> float:
     """Probability of one effect of a set (by ``key`` of its ``keys``) against the sets elsewhere that hold no member of its class."""
     members = {key}.union(*(set(one.keys).difference(keys) for one in posterior.as_likely if key not in one.keys))
-    against = [min(more, 700.0) for held, more in posterior.elsewhere if not held & members]
+    against = [min(more, MOST_NATS) for held, more in posterior.elsewhere if not held & members]
     return float(1.0 / (1.0 + np.sum(np.exp(against))))
 
 
@@ -145,7 +154,7 @@ def _of_classes(posterior: Posterior, own: Contender, near: Sequence[Contender])
     """With the other members of the class of each effect, which count for it as far as they are likely."""
     probabilities = []
     for key, chance in zip(own.candidate.keys, posterior.probabilities):
-        members = [one.net - own.net for one in near if key not in one.candidate.keys]
+        members = [min(one.net - own.net, MOST_NATS) for one in near if key not in one.candidate.keys]
         mass = chance * (1.0 + float(np.sum(np.exp(members))))
         probabilities.append(mass / (mass + 1.0 - chance))
     return replace(posterior, probabilities=tuple(probabilities), as_likely=tuple(one.candidate for one in near))
