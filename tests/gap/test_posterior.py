@@ -196,13 +196,12 @@ def test_of_effects_without_a_magnitude_beside_each_other_one_is_enough_within_t
     assert "".join(effect.name for effect in needed_only(search, final).effects) == left
 
 
-def _sets(costs):
-    """A search over sets of named effects with known costs, by their names."""
+def _sets(costs, places=None):
+    """A search over sets of named effects with known costs, by their names; each at a place of its own by default."""
 
     def one(names):
-        found = SimpleNamespace(
-            effects=tuple(SimpleNamespace(name=n) for n in names), fit=SimpleNamespace(cost=costs[names]), left=9.0
-        )
+        effects = (SimpleNamespace(name=n, kind="state", location=n if places is None else places[n]) for n in names)
+        found = SimpleNamespace(effects=tuple(effects), fit=SimpleNamespace(cost=costs[names]), left=9.0)
         found.candidate = found
         return found
 
@@ -211,6 +210,22 @@ def _sets(costs):
         return one(names) if names in costs else None
 
     return SimpleNamespace(tolerated_cost=150.0, stood={}, without=without, plausible=lambda _: True), one
+
+
+@pytest.mark.parametrize(
+    ("places", "tolerated", "left"),
+    [("xxx", 700.0, "a"), ("xxx", 300.0, "abc"), ("xxy", 700.0, "abc"), ("xyz", 700.0, "abc")],
+)
+def test_of_a_stack_at_one_place_one_is_enough_within_the_tolerance(monkeypatch, places, tolerated, left):
+    """An exchange that saturates is followed to the noise by an exchange, a square and a product."""
+    costs = {"abc": 100.0, "ab": 400.0, "ac": 450.0, "bc": 900.0, "a": 600.0, "b": 900.0}
+    search, one = _sets(costs, dict(zip("abc", places)))
+    search.tolerated_cost, final = tolerated, one("abc")
+    final.left = 1.0
+    monkeypatch.setattr(_posterior, "_taken", lambda search, fewer, final: fewer)
+    monkeypatch.setattr(_posterior, "of_one_law", lambda one, other: False)
+    monkeypatch.setattr(_posterior, "not_sized_beside_others", lambda found: [])
+    assert "".join(effect.name for effect in needed_only(search, final).effects) == left
 
 
 def test_names_taken_out_one_by_one_have_not_closed_most_together(monkeypatch):

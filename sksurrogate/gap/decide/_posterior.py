@@ -28,7 +28,7 @@ from sksurrogate.gap.results._next_experiment import NATS_THAT_SETTLE
 from sksurrogate.gap.search._nested import of_one_law
 from sksurrogate.gap.search._ode_search import OdeSearch
 from sksurrogate.gap.search._set_search import COMES_BACK
-from sksurrogate.gap.search._stopping import closes_by_size, leaves_most
+from sksurrogate.gap.search._stopping import STACK, closes_by_size, leaves_most
 from sksurrogate.gap.unnamed._along_a_path import without
 from sksurrogate.gap.unnamed._law_evidence import LawBeside, LawQuestion
 from sksurrogate.gap.unnamed._law_left import LawLeft
@@ -198,11 +198,16 @@ def _without_needless(search: OdeSearch, final: Evidence, whole: float) -> OdeCa
     return None if fewer is None or is_needed(whole, fewer.fit.cost, search.tolerated_cost) else fewer
 
 
-def _of_which_one_is_enough(final: Evidence) -> list[int]:
-    """Positions of the effects that are forms of one law with another, or whose magnitudes these data do not show beside each other."""
+def _of_which_one_is_enough(final: Evidence[OdeCandidate]) -> list[int]:
+    """Positions of the effects that are forms of one law with another, or whose magnitudes these data do not show beside each other.
+
+    A stack of names at one place is an expansion of one law.
+    """
     pairs = combinations(range(len(final.effects)), 2)
     forms = {i for pair in pairs if of_one_law(*(final.effects[k] for k in pair)) for i in pair}
-    return sorted(forms.union(not_sized_beside_others(final)))
+    places = [(effect.kind, effect.location) for effect in final.effects]
+    stacked = (i for i, place in enumerate(places) if places.count(place) >= STACK)
+    return sorted(forms.union(not_sized_beside_others(final), stacked))
 
 
 def _nearest_without(search: OdeSearch, final: Evidence, positions: Iterable[int]) -> OdeCandidate | None:
