@@ -104,9 +104,9 @@ def test_one_formula_takes_the_place_of_several_names_only_where_it_is_clearly_l
     ("places", "left", "share_left", "rule", "bases"),
     [("aab", 3.0, 0.3, "imitations", ["null"]), ("ab", 3.0, 0.3, "law_left", ["null", "final"]), ("aaa", 3.0, 0.05, "closed", ["null"]),
      ("aa", 3.0, 0.05, "closed", []), ("ab", 3.0, 0.05, "closed", ["null"]), ("ab", 1.0, 0.05, "closed", []),
-     ("a", 3.0, 0.3, "law_left", ["final"])],
+     ("a", 3.0, 0.3, "law_left", ["null", "final"]), ("a", 3.0, 0.05, "closed", [])],
 )  # fmt: skip
-def test_three_names_that_leave_a_law_are_withdrawn_and_of_two_one_law_may_take_the_place(
+def test_three_names_that_leave_a_law_are_withdrawn_and_of_fewer_one_law_may_take_the_place(
     places, left, share_left, rule, bases
 ):
     said, asked = [], []
