@@ -306,7 +306,7 @@ def _alone(simulator: Any, U: np.ndarray, x0: np.ndarray) -> Any:
             if not summary:
                 return y, None, None
         states, dxdt = (
-            np.asarray(part, float)
+            np.array(part, float)
             for part in simulator.simulate_states(U.copy(), None if start is None else start.copy())
         )
         # one call where the outputs are states: a simulator may be slow

@@ -50,7 +50,7 @@ def check_simulator(simulator: Any, U: Any = None, x0: Any = None) -> None:
     inputs = np.array(U, dtype=float)
     assert inputs.ndim == 2 and len(inputs) >= 4, f"U has shape {inputs.shape}, expected (n_samples >= 4, n_inputs)"
     kept = inputs.copy()
-    Y = np.asarray(simulator.simulate(inputs, x0))
+    Y = np.array(simulator.simulate(inputs, x0))
     assert np.array_equal(inputs, kept), f"{name}.simulate wrote into U"
     assert Y.ndim == 2 and len(Y) == len(inputs), (
         f"{name}.simulate returned shape {Y.shape}, expected ({len(inputs)}, n_outputs)"
@@ -62,7 +62,7 @@ def check_simulator(simulator: Any, U: Any = None, x0: Any = None) -> None:
     assert np.all(np.isfinite(Y)), (
         f"{name}.simulate returned values that are not finite: raise SimulationDiverged instead"
     )
-    again = np.asarray(simulator.simulate(inputs, x0))
+    again = np.array(simulator.simulate(inputs, x0))
     assert np.array_equal(Y, again), (
         f"{name}.simulate gave something else for the same call: a run must not depend on earlier ones"
     )

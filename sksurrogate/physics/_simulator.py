@@ -141,16 +141,14 @@ class Plant:
 
 
 def simulated(simulator: Any, U: np.ndarray, x0: Any = None, *t: Any) -> np.ndarray:
-    """``simulate`` of a run, on copies: what it writes into its arguments stays its own."""
-    return np.asarray(
-        simulator.simulate(np.array(U), None if x0 is None else np.array(x0, dtype=float), *t), dtype=float
-    )
+    """``simulate`` of a run, on copies: what it writes into its arguments, or at its next call into what it gave, stays its own."""
+    return np.array(simulator.simulate(np.array(U), None if x0 is None else np.array(x0, dtype=float), *t), dtype=float)
 
 
 def simulated_batch(simulator: Any, U: np.ndarray, X0: Any = None, *t: Any) -> np.ndarray:
     """``simulate_batch``, on copies."""
     start = None if X0 is None else np.array(X0, dtype=float)
-    return np.asarray(simulator.simulate_batch(np.array(U), start, *t), dtype=float)
+    return np.array(simulator.simulate_batch(np.array(U), start, *t), dtype=float)
 
 
 def _names(given: Sequence[str] | None, count: int | None, letter: str) -> tuple[str, ...]:

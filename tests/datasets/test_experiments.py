@@ -247,6 +247,37 @@ def test_a_run_that_is_not_finite_is_no_data():
     assert made.failed == (1,) and np.all(made.y == 0.5)
 
 
+class InOneArray(BaseSimulator):
+    """Writes every run into the array that it gave for the one before."""
+
+    inputs, outputs, states = ["u"], ["y"], ["y"]
+
+    def simulate(self, U, x0=None, t=None):
+        return self.simulate_states(U, x0)[0]
+
+    def simulate_states(self, U, x0=None, t=None):
+        if not hasattr(self, "kept_"):
+            self.kept_ = np.zeros_like(U), np.zeros_like(U)
+        self.kept_[0][:] = U
+        self.kept_[1][:] = 2.0 * U
+        return self.kept_
+
+
+@pytest.mark.parametrize("states", [True, False])
+def test_a_simulator_that_gives_one_array_again_and_again_has_as_many_runs(states):
+    class Plant(InOneArray):
+        if not states:
+            simulate_states = None
+
+            def simulate(self, U, x0=None, t=None):
+                return InOneArray.simulate_states(self, U)[0]
+
+    made = simulate_experiments(Plant(), None, {"u": (0.0, 1.0)}, n_runs=3, n_samples=20, random_state=0)
+    np.testing.assert_array_equal(made.y, made.X[:, 0])
+    if states:
+        np.testing.assert_array_equal(made.dxdt, 2.0 * made.X)
+
+
 @pytest.mark.parametrize("content", [None, [1, 2], "runs", [], [("a", "b", "c")], [(np.ones((5, 1)), None, None)] * 4])
 def test_a_batch_with_other_content_is_simulated_again(content, tmp_path):
     def made():

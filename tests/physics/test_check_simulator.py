@@ -30,6 +30,12 @@ def test_a_control_system_passes():
     check_simulator(ControlSimulator(control.ss([[-1.0]], [[1.0]], [[1.0]], [[0.0]]), dt=0.1))
 
 
+def _adds_up(U, x0=None, t=None, kept={}):  # noqa: B006
+    array = kept.setdefault(len(U), np.zeros_like(U))
+    array += U
+    return array
+
+
 class Broken:
     inputs = ("u",)
 
@@ -44,6 +50,7 @@ class Broken:
         (lambda U, x0=None, t=None: np.full(U.shape, np.nan), "not finite"),
         (lambda U, x0=None, t=None: U - U.mean(), "after row k"),
         (lambda U, x0=None, t=None: U * np.random.default_rng().normal(), "same call"),
+        (_adds_up, "same call"),
         (lambda U, x0=None, t=None: np.multiply(U, 2, out=U), "wrote into U"),
     ],
 )
