@@ -6,7 +6,9 @@ import dis
 import functools
 import hashlib
 import importlib
+import importlib.metadata
 import importlib.util
+import io
 import sys
 import sysconfig
 import types
@@ -14,6 +16,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from joblib.hashing import NumpyHasher
 
 from sksurrogate.exceptions import DataError
@@ -23,14 +26,16 @@ _SILENT = frozenset(
     {"__dict__", "__weakref__", "__doc__", "__module__", "__annotations__", "__dataclass_fields__", "_abc_impl"}
 )
 _GLOBAL = ("LOAD_GLOBAL", "LOAD_NAME")
+#: Packages whose wrappers do what the function does that they wrap.
+_WRAPPERS = ("functools", "numba", "jax", "jaxlib")
 
 
 def fingerprint(value: Any, name: str) -> str:
     """Digest of a value, equal in another process, different where what the object does may differ.
 
     Functions and classes of installed packages count by name and version. All others count by what they are made of:
-    code, defaults, closures, and the globals, modules and classes that the code names. Not seen are files that
-    the object reads, programs that it calls, and names that it makes up while it runs.
+    code, defaults, closures, and the globals, modules and classes that the code names; what is compiled counts by its file. Not seen are
+    files that the object reads, programs that it calls, and names that it makes up while it runs.
 
     ``name``: how a message calls it.
     Raises DataError where some part has no value: an open file, a lock, a connection.
@@ -61,7 +66,7 @@ def _library() -> tuple[Path, ...]:
 def _installed(module: str) -> bool:
     """Whether a module belongs to Python or to an installed package, which have a version."""
     top = module.partition(".")[0]
-    if top in sys.builtin_module_names or top in ("sksurrogate", *sys.stdlib_module_names):
+    if _of_python(top) or top == "sksurrogate":
         return True
     try:
         found = sys.modules.get(top) or importlib.util.find_spec(top)
@@ -74,8 +79,26 @@ def _installed(module: str) -> bool:
     return any(Path(str(place)).resolve().is_relative_to(folder) for place in places for folder in _library())
 
 
+def _of_python(top: str) -> bool:
+    return top in sys.builtin_module_names or top in sys.stdlib_module_names
+
+
+_distributions = functools.cache(importlib.metadata.packages_distributions)
+
+
 def _version(module: str) -> str:
-    return str(getattr(sys.modules.get(module.partition(".")[0]), "__version__", ""))
+    """As the package says it, else as it was installed."""
+    top = module.partition(".")[0]
+    said = getattr(sys.modules.get(top), "__version__", None)
+    if said is not None or _of_python(top):
+        return str(said or "")
+    return " ".join(f"{one} {importlib.metadata.version(one)}" for one in sorted(set(_distributions().get(top, ()))))
+
+
+def _content(module: str) -> str:
+    """Digest of the file that a module was read from: what is written in C, say, has no other value."""
+    source = getattr(sys.modules.get(module), "__file__", None)
+    return hashlib.sha256(Path(source).read_bytes()).hexdigest() if source else ""
 
 
 def _stands_there(thing: Any) -> bool:
@@ -86,6 +109,11 @@ def _stands_there(thing: Any) -> bool:
     for part in thing.__qualname__.split("."):
         found = getattr(found, part, None)
     return found is thing
+
+
+def _has_source(thing: type) -> bool:
+    """Whether a class was made by Python code, which is one of its parts."""
+    return str(getattr(sys.modules.get(thing.__module__), "__file__", ".py")).endswith((".py", ".pyc"))
 
 
 def _codes(code: types.CodeType) -> Iterable[types.CodeType]:
@@ -101,7 +129,7 @@ def _code(code: types.CodeType) -> tuple[Any, ...]:
     constants = tuple(_code(c) if isinstance(c, types.CodeType) else c for c in code.co_consts)
     counts = (code.co_argcount, code.co_posonlyargcount, code.co_kwonlyargcount, code.co_flags)
     names = (code.co_names, code.co_varnames, code.co_freevars, code.co_cellvars)
-    return ("code", code.co_code, constants, counts, names)
+    return ("code", code.co_code, constants, counts, names, code.co_exceptiontable)
 
 
 def _function(function: types.FunctionType) -> dict[str, Any]:
@@ -164,9 +192,19 @@ class _Hasher(NumpyHasher):
     def save(self, obj: Any) -> None:
         if isinstance(obj, types.MethodType):
             obj = ("method", obj.__func__, obj.__self__)
+        elif isinstance(obj, types.BuiltinFunctionType) and not _installed(obj.__module__ or "builtins"):
+            obj = ("compiled", obj.__module__, obj.__qualname__, _content(obj.__module__))
         elif isinstance(obj, (set, frozenset)):
             obj = (type(obj).__name__, sorted(str(_Hasher().hash(part)) for part in obj))
+        elif isinstance(obj, np.ndarray) and type(obj) not in (np.ndarray, np.memmap):  # with a mask, or a unit
+            obj = (type(obj), np.array(obj, subok=False), obj.__reduce__()[2])
         super().save(obj)
+
+    def save_global(self, obj: Any, *name: Any) -> None:
+        super().save_global(obj, *name)
+        module = getattr(obj, "__module__", None) or ""
+        if module and not _installed(module):
+            self.save(_content(module))
 
     def memoize(self, obj: Any) -> None:
         # whether two equal tuples are one object depends on whether a module was compiled or read from __pycache__
@@ -189,8 +227,8 @@ class _Hasher(NumpyHasher):
         if isinstance(obj, types.ModuleType):
             if _installed(obj.__name__):
                 return tuple, (("installed", obj.__name__, _version(obj.__name__)),)
-            source = getattr(obj, "__file__", None)
-            return tuple, (("module", obj.__name__, Path(source).read_bytes() if source else b""),)
+            parts = {name: value for name, value in vars(obj).items() if not name.startswith("__")}
+            return tuple, (("module", obj.__name__, _content(obj.__name__)),), parts
         if isinstance(obj, (types.FunctionType, type)):
             return self._named(obj)
         if isinstance(obj, property):
@@ -203,9 +241,11 @@ class _Hasher(NumpyHasher):
             return tuple, (("mapping", dict(obj)),)
         if isinstance(obj, (types.GetSetDescriptorType, types.MemberDescriptorType)):
             return tuple, (("slot", obj.__name__),)
+        if callable(getattr(type(obj), "fileno", None)) and not isinstance(obj, (io.BytesIO, io.StringIO)):
+            raise TypeError(f"{type(obj).__name__} is an open file or connection")  # some can be pickled: a serial port
         for inner in ("__wrapped__", "py_func"):  # of functools.cache, jax, numba
             function = getattr(obj, inner, None)
-            if isinstance(function, types.FunctionType):
+            if isinstance(function, types.FunctionType) and type(obj).__module__.partition(".")[0] in _WRAPPERS:
                 return tuple, (("wrapped", type(obj).__qualname__, function),)
         if callable(getattr(type(obj), "_files", None)):
             read = obj.__reduce_ex__(4)
@@ -225,4 +265,5 @@ class _Hasher(NumpyHasher):
         if isinstance(obj, types.FunctionType):
             return tuple, (("function",),), _function(obj)
         parts = {k: v for k, v in vars(obj).items() if k not in _SILENT}
-        return tuple, (("class", obj.__qualname__, type(obj)),), {"bases": obj.__bases__, "parts": parts}
+        compiled = "" if _has_source(obj) else _content(obj.__module__)
+        return tuple, (("class", obj.__qualname__, type(obj), compiled),), {"bases": obj.__bases__, "parts": parts}

@@ -1,14 +1,20 @@
 """What is kept on disk belongs to one simulator, one estimator: by their value, not by their name."""
 
 import functools
+import importlib.metadata
+import io
+import multiprocessing
 import os
+import shutil
 import subprocess
 import sys
+import sysconfig
 import threading
 import types
 
 import numpy as np
 import pytest
+import threadpoolctl
 from sklearn.linear_model import LinearRegression
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import FunctionTransformer
@@ -98,7 +104,50 @@ def property_of_a_base(gain):
     return Plant()
 
 
+class Scaled:
+    """A wrapper of one's own, with a number of its own."""
+
+    def __init__(self, function, gain):
+        functools.update_wrapper(self, function)
+        self.function, self.gain = function, gain
+
+    def __call__(self, U, x0=None, t=None):
+        return self.gain * self.function(U)
+
+
+def wrapped(gain):
+    return Scaled(lambda U: np.asarray(U), gain)
+
+
+class Quantity(np.ndarray):
+    """An array with a unit."""
+
+    def __reduce__(self):
+        rebuilt = super().__reduce__()
+        return (*rebuilt[:2], (rebuilt[2], vars(self)))
+
+
+def with_a_unit(gain):
+    factor = np.ones(1).view(Quantity)
+    factor.unit = gain
+    return lambda U, x0=None, t=None: factor.unit * np.asarray(U)
+
+
+def with_a_mask(gain):
+    factor = np.ma.array([[1.0, 2.0]], mask=[[gain != 1.0, gain != 2.0]])
+    return lambda U, x0=None, t=None: float(factor.sum()) * np.asarray(U)
+
+
+def module_of_an_object(gain):
+    plant = of_a_class(1.0)
+    plant.tables = types.ModuleType("own_tables")
+    plant.tables.gain = gain
+    plant.simulate = lambda U: plant.tables.gain * np.asarray(U)
+    return lambda U, x0=None, t=None: plant.simulate(U)
+
+
 FORMS = [closure, default, bound, of_a_class, nested, cached, partial, of_a_module, property_of_a_base]
+FORMS += [wrapped, with_a_unit, with_a_mask, module_of_an_object]
 
 
 def kept(simulate, folder):
@@ -156,6 +205,64 @@ def test_a_simulator_without_a_value_is_refused(tmp_path):
     with pytest.raises(DataError, match="with memory=, estimator cannot be distinguished"):
         model = make_pipeline(FunctionTransformer(simulate), LinearRegression())
         Remembered(model, tmp_path).fit(np.eye(3), np.arange(3.0))
+
+
+class Port(io.RawIOBase):
+    """As a serial port: a pickle takes its number without a word."""
+
+
+def test_what_is_open_has_no_value():
+    one, other = multiprocessing.Pipe()
+    with one, other, Port() as port:
+        for handle in (port, one, lambda U: port.write(U)):
+            with pytest.raises(DataError, match=r"plant cannot be distinguished .* is an open file or connection"):
+                fingerprint(handle, "plant")
+    assert fingerprint(io.BytesIO(b"1"), "memory") != fingerprint(io.BytesIO(b"2"), "memory")
+
+
+COMPILED = """
+#include <Python.h>
+static PyObject *gain(PyObject *self, PyObject *none) { return PyFloat_FromDouble(GAIN); }
+static PyMethodDef methods[] = {{"gain", gain, METH_NOARGS, ""}, {0}};
+static struct PyModuleDef module = {PyModuleDef_HEAD_INIT, "own_compiled", "", -1, methods};
+PyMODINIT_FUNC PyInit_own_compiled(void) { return PyModule_Create(&module); }
+"""
+
+
+@pytest.mark.skipif(shutil.which("cc") is None, reason="no compiler")
+def test_code_of_ones_own_that_is_compiled_counts_by_its_file(tmp_path):
+    (tmp_path / "own.c").write_text(COMPILED)
+    line = "import own_compiled as o; from sksurrogate._fingerprint import fingerprint as f; print(f(lambda: o.gain(), 'x'))"
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), *sys.path])}
+    include = f"-I{sysconfig.get_paths()['include']}"
+    found = []
+    for gain in (1.0, 2.0, 2.0):
+        make = ["cc", "-shared", "-fPIC", f"-DGAIN={gain}", include, "own.c", "-o", "own_compiled.so"]
+        if subprocess.run(make, cwd=tmp_path, capture_output=True).returncode:
+            pytest.skip("no headers of Python")
+        told = subprocess.run([sys.executable, "-c", line], env=environment, capture_output=True, text=True, check=True)
+        found.append(told.stdout)
+    assert found[0] != found[1] == found[2]
+
+
+def test_a_package_that_does_not_say_its_version_has_the_one_it_was_installed_with(monkeypatch):
+    monkeypatch.delattr(threadpoolctl, "__version__")
+    found = set()
+    for version in ("1.0", "2.0"):
+        monkeypatch.setattr(importlib.metadata, "version", lambda name, version=version: version)
+        found.add(fingerprint(threadpoolctl.threadpool_info, "function"))
+    assert len(found) == 2
+
+
+def test_what_an_except_covers_belongs_to_a_function():
+    def simulate(U):
+        try:
+            return 1.0 / U
+        except ZeroDivisionError:
+            return 0.0
+
+    bare = types.FunctionType(simulate.__code__.replace(co_exceptiontable=b""), globals())
+    assert fingerprint(bare, "plant") != fingerprint(simulate, "plant")
 
 
 def test_another_unit_at_the_same_path_is_another_simulator(tmp_path):
