@@ -30,7 +30,7 @@ _GLOBAL = ("LOAD_GLOBAL", "LOAD_NAME")
 _WRAPPERS = ("functools", "numba", "jax", "jaxlib")
 
 
-def fingerprint(value: Any, name: str) -> str:
+def fingerprint(value: Any, name: str, whole: bool = False) -> str:
     """Digest of a value, equal in another process, different where what the object does may differ.
 
     Functions and classes of installed packages count by name and version. All others count by what they are made of:
@@ -38,6 +38,7 @@ def fingerprint(value: Any, name: str) -> str:
     files that the object reads, programs that it calls, and names that it makes up while it runs.
 
     ``name``: how a message calls it.
+    ``whole``: also with what objects of one's own leave out of a pickle (``__getstate__``): a fork has it.
     Raises DataError where some part has no value: an open file, a lock, a connection.
 
     >>> from sksurrogate._fingerprint import fingerprint
@@ -46,13 +47,24 @@ def fingerprint(value: Any, name: str) -> str:
     False
     """
     try:
-        return str(_Hasher().hash(value))
+        return str((_WholeHasher if whole else _Hasher)().hash(value))
     except Exception as error:  # a pickle fails in whatever way the object chooses
         raise DataError(
             f"{name} cannot be distinguished from another one by its value ({type(error).__name__}: {str(error)[:200]}), so that what is "
             "kept on disk could be that of another: keep nothing, or give its class a __getstate__ that returns its settings "
             "without open files, locks and connections."
         ) from error
+
+
+def is_open(thing: Any) -> bool:
+    """Whether it is an open file, port or connection: some can be pickled, and go on with the same number elsewhere.
+
+    >>> import io, socket
+    >>> with socket.socket() as line:
+    ...     is_open(line), is_open(io.BytesIO())
+    (True, False)
+    """
+    return callable(getattr(type(thing), "fileno", None)) and not isinstance(thing, (io.BytesIO, io.StringIO))
 
 
 @functools.cache
@@ -195,7 +207,7 @@ class _Hasher(NumpyHasher):
         elif isinstance(obj, types.BuiltinFunctionType) and not _installed(obj.__module__ or "builtins"):
             obj = ("compiled", obj.__module__, obj.__qualname__, _content(obj.__module__))
         elif isinstance(obj, (set, frozenset)):
-            obj = (type(obj).__name__, sorted(str(_Hasher().hash(part)) for part in obj))
+            obj = (type(obj).__name__, sorted(str(type(self)().hash(part)) for part in obj))
         elif isinstance(obj, np.ndarray) and type(obj) not in (np.ndarray, np.memmap):  # with a mask, or a unit
             obj = (type(obj), np.array(obj, subok=False), obj.__reduce__()[2])
         super().save(obj)
@@ -216,7 +228,7 @@ class _Hasher(NumpyHasher):
         if all(type(key) is str for key, _ in pairs):
             pairs.sort(key=lambda pair: pair[0])
         else:
-            pairs.sort(key=lambda pair: str(_Hasher().hash(pair[0])))
+            pairs.sort(key=lambda pair: str(type(self)().hash(pair[0])))
         for key, value in pairs:
             self.save(key)
             self.save(value)
@@ -241,7 +253,7 @@ class _Hasher(NumpyHasher):
             return tuple, (("mapping", dict(obj)),)
         if isinstance(obj, (types.GetSetDescriptorType, types.MemberDescriptorType)):
             return tuple, (("slot", obj.__name__),)
-        if callable(getattr(type(obj), "fileno", None)) and not isinstance(obj, (io.BytesIO, io.StringIO)):
+        if is_open(obj):
             raise TypeError(f"{type(obj).__name__} is an open file or connection")  # some can be pickled: a serial port
         for inner in ("__wrapped__", "py_func"):  # of functools.cache, jax, numba
             function = getattr(obj, inner, None)
@@ -267,3 +279,18 @@ class _Hasher(NumpyHasher):
         parts = {k: v for k, v in vars(obj).items() if k not in _SILENT}
         compiled = "" if _has_source(obj) else _content(obj.__module__)
         return tuple, (("class", obj.__qualname__, type(obj), compiled),), {"bases": obj.__bases__, "parts": parts}
+
+
+class _WholeHasher(_Hasher):
+    """With what a pickle of an object would leave out."""
+
+    def reducer_override(self, obj: Any) -> Any:
+        if hasattr(obj, "__dict__") and not isinstance(obj, type) and _leaves_out(type(obj)):
+            return tuple, (("object", type(obj)),), vars(obj)
+        return super().reducer_override(obj)
+
+
+def _leaves_out(kind: type) -> bool:
+    """Whether a class of one's own says itself what a pickle takes."""
+    own = [one for one in kind.__mro__ if not _installed(one.__module__)]
+    return any(name in vars(one) for one in own for name in ("__getstate__", "__reduce__", "__reduce_ex__"))

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from sksurrogate._parallel._pickled import can_be_shared
 from sksurrogate._parallel._worker_process import WorkerProcess
 from sksurrogate.effects._allowed import allowed_effects, closed_places
 from sksurrogate.effects._catalogue import build_effects, left_out
@@ -102,7 +103,8 @@ def begin_ode(task: Task) -> DiagnosisPipeline[OdeCandidate]:
             record, rows = excerpt(whole, SEARCHED_SAMPLES)
             problem, smoothed = build(record)
             pieces.append(UNSTABLE_NOTE.format(rows=int(whole.lengths.max())))
-    fixed, apart = (diagnoser.simulator, plant, model, record, *library), diagnoser.n_jobs is None
+    fixed = diagnoser.simulator, plant, model, record, *library
+    apart = diagnoser.n_jobs is None and can_be_shared(diagnoser.simulator, library)
     common = {**_common(task), "second": WorkerProcess(fixed, apart)}
     later = WorkerProcess(fixed, apart, later=True)
     late = {e.key: e for e in library if e.late or (task.effects is None and not _acts_near(e, problem))}

@@ -81,7 +81,8 @@ class GapDiagnoser(BaseEstimator):
         simulator alone with the data is always finished.
     n_jobs : int, optional
         Workers for the fits of the candidates, through joblib; -1 for one per core. None: fits in this process, and independent
-        questions in a second process if a core is free. 1: everything in this process.
+        questions in a second process if a core is free and the simulator can be copied: it holds no connection. 1: everything in
+        this process.
     verbose : int, default=0
         1 shows the stage, the share that is done and an estimate of the remaining time: as a bar on a terminal (with rich, extra
         ``plot``), otherwise as lines on the error stream.
