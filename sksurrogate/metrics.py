@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.stats import chi2
 
+from sksurrogate._tables import unmasked
 from sksurrogate.exceptions import DataError
 from sksurrogate.kernels.linear_fit import linear_least_squares
 
@@ -51,13 +52,14 @@ def fit_percent(y_true: Any, y_pred: Any) -> np.ndarray:
     Returns
     -------
     ndarray (n_outputs,)
+        nan where a value is missing (nan, or masked).
 
     Examples
     --------
     >>> fit_percent([1.0, 2.0, 3.0], [1.0, 2.0, 3.0])
     array([100.])
     """
-    truth, found = np.asarray(y_true, float), np.asarray(y_pred, float)
+    truth, found = np.asarray(unmasked(y_true), float), np.asarray(unmasked(y_pred), float)
     if truth.shape != found.shape:
         raise DataError(f"y_true has shape {truth.shape} and y_pred {found.shape}: give one prediction a measurement.")
     truth, found = truth.reshape(len(truth), -1), found.reshape(len(found), -1)
@@ -132,7 +134,7 @@ def cross_correlation_test(residual: Any, u: Any, n_lags: int = 20) -> ResidualT
 def _centred(values: Any, n_lags: int, name: str, least: int = 0) -> np.ndarray:
     """One signal without its mean; it must move and be longer than the lags."""
     try:
-        e = np.asarray(values, float)
+        e = np.asarray(unmasked(values), float)
     except (TypeError, ValueError) as error:
         raise DataError(f"{name} holds something that is not a number ({error}).") from None
     if e.ndim != 1 and e.size != len(e):

@@ -58,6 +58,16 @@ def test_fit_percent_and_whiteness_against_closed_forms():
     assert 0.02 < np.mean(false_alarms) < 0.09  # 5 % +- 3.5 standard errors
 
 
+def test_what_lies_under_a_mask_is_no_measurement():
+    values = np.random.default_rng(0).normal(size=60)
+    masked = np.ma.masked_where(np.arange(60) == 3, np.where(np.arange(60) == 3, 1e6, values))
+    assert np.isnan(fit_percent(masked, values)).all() and np.isnan(fit_percent(values, masked)).all()
+    with pytest.raises(DataError, match="residual has 60 rows, 59 finite"):
+        whiteness_test(masked)
+    with pytest.raises(DataError, match="u has 60 rows, 59 finite"):
+        cross_correlation_test(values, masked)
+
+
 @pytest.mark.filterwarnings(
     "ignore:the free runs of"
 )  # of a network with too few nodes: the search is there to pass it over

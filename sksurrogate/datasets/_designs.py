@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import qmc
 
+from sksurrogate._tables import unmasked
 from sksurrogate.exceptions import DataError
 from sksurrogate.physics._simulator import Plant
 
@@ -71,7 +72,7 @@ def _given(design: Any, n_runs: int, n_samples: int, rng: np.random.RandomState)
     """Inputs of an array, or of a function that is asked for every run."""
     try:
         if not callable(design):
-            return np.asarray(design, float)
+            return np.asarray(unmasked(design), float)
         asked = [_column(design(rng, n_samples)) for _ in range(n_runs)]
         if len({one.shape for one in asked}) == 1:
             return np.stack(asked)
@@ -86,7 +87,7 @@ def _given(design: Any, n_runs: int, n_samples: int, rng: np.random.RandomState)
 
 
 def _column(values: Any) -> np.ndarray:
-    rows = np.asarray(values, float)
+    rows = np.asarray(unmasked(values), float)
     return rows[:, None] if rows.ndim == 1 else rows
 
 

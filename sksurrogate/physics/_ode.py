@@ -9,6 +9,7 @@ import numpy as np
 from sklearn.utils.metaestimators import available_if
 
 from sksurrogate._columns import by_name
+from sksurrogate._tables import unmasked
 from sksurrogate.exceptions import SimulatorError
 from sksurrogate.kernels.linear_step import hold_maps
 from sksurrogate.physics._events import EventMap
@@ -153,7 +154,7 @@ class ODESimulator(ParametricSimulator):
                 f"U has shape {inputs.shape}, expected (n_runs, n_samples, {len(self._names('inputs'))})."
             )
         start = np.broadcast_to(
-            self._check_x0(None) if X0 is None else np.asarray(X0, dtype=float),
+            self._check_x0(None) if X0 is None else np.asarray(unmasked(X0), dtype=float),
             (len(inputs), len(self._names("states"))),
         )
         return self._run(inputs, start, t)
@@ -249,7 +250,7 @@ class ODESimulator(ParametricSimulator):
         """(n_states,) as float."""
         names = self._names("states")
         given = self.x0 if x0 is None else x0
-        start = np.zeros(len(names)) if given is None else np.asarray(given, dtype=float).reshape(-1)
+        start = np.zeros(len(names)) if given is None else np.asarray(unmasked(given), dtype=float).reshape(-1)
         if start.shape != (len(names),):
             raise SimulatorError(
                 f"x0 has {start.size} values, expected {len(names)}: one for each of states={list(names)}."

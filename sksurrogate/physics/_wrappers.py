@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from sksurrogate._columns import by_name
-from sksurrogate._tables import as_labels
+from sksurrogate._tables import as_labels, unmasked
 from sksurrogate.exceptions import SimulationDiverged, SimulatorError, SurrogateError
 from sksurrogate.physics._foreign import LARGEST_OFFERED, REFUSALS, offered
 from sksurrogate.physics._free_run import raise_if_diverged
@@ -106,7 +106,7 @@ class TableSimulator(BaseSimulator):
             raise SimulatorError(
                 "TableSimulator needs U and Y (what was simulated), or columns (where U holds the outputs)."
             )
-        table, outputs = _inputs(self.U), np.asarray(self.Y, dtype=float)
+        table, outputs = _inputs(self.U), np.asarray(unmasked(self.Y), dtype=float)
         outputs = outputs.reshape(len(outputs), -1)
         if len(table) != len(outputs):
             raise SimulatorError(
@@ -312,7 +312,7 @@ class StepSimulator(ParametricSimulator):
         """Free run of one run: (n_samples, n_outputs); row 0 is the output at ``x0``."""
         inputs = _bearable(_inputs(U, self.inputs))
         return self.simulate_batch(
-            inputs[None], None if x0 is None else np.reshape(np.asarray(x0, dtype=float), (1, -1)), t
+            inputs[None], None if x0 is None else np.reshape(np.asarray(unmasked(x0), dtype=float), (1, -1)), t
         )[0]
 
     def simulate_batch(self, U: Any, X0: Any = None, t: Any = None) -> np.ndarray:
@@ -321,7 +321,7 @@ class StepSimulator(ParametricSimulator):
         plant = describe(self)
         if inputs.ndim != 3 or inputs.shape[2] != len(plant.inputs):
             raise SimulatorError(f"U has shape {inputs.shape}, expected (n_runs, n_samples, {len(plant.inputs)}).")
-        start = plant.x0 if X0 is None else np.asarray(X0, dtype=float)
+        start = plant.x0 if X0 is None else np.asarray(unmasked(X0), dtype=float)
         if start.shape[-1:] != (len(plant.states),):
             raise SimulatorError(
                 f"x0 has shape {start.shape}, expected {len(plant.states)} values: one for each of states={list(plant.states)}."

@@ -209,6 +209,7 @@ def test_how_long_a_level_is_held_is_two_numbers_in_order(hold):
         ({"input_ranges": {"u": (-1.7e308, 1.7e308)}}, "must be finite"),
         ({"design": np.full((20, 1), np.inf)}, "not finite in run 0, row 0"),
         ({"design": lambda rng, n: np.r_[np.ones(n - 1), np.nan]}, "not finite in run 0, row 19"),
+        ({"design": np.ma.masked_equal(np.r_[np.ones(19), 7.0][:, None], 7.0)}, "not finite in run 0, row 19"),
         ({"design": lambda rng, n: np.ones(rng.randint(2, n))}, "expected 20 rows for every run"),
         ({"design": lambda: np.ones(20)}, "gives no array of numbers .* expected a function design.rng, n_samples."),
         ({"design": [["a"]] * 20}, "gives no array of numbers"),

@@ -184,3 +184,20 @@ def test_small_whole_powers_are_products_with_the_same_value():
     for n in (2, 3, 4, 5, 7, 8, 3.0, 9, 0.5, -1):
         with np.errstate(invalid="ignore"):
             np.testing.assert_allclose(np.asarray(x.view(_Points) ** n), x**n, rtol=1e-13)
+
+
+def test_masked_initial_states_and_tables_are_no_numbers():
+    U, start = np.ones((4, 1)), np.ma.masked_equal([7.0], 7.0)
+    plants = [
+        ODESimulator(lambda t, x, u, p: (u[0] - x[0],), states=["v"], inputs=["u"], outputs=["v"], params={}, dt=0.1),
+        StepSimulator(lambda t, x, u, p, dt: [0.9 * x[0] + u[0]], states=["v"], inputs=["u"], outputs=["v"]),
+    ]
+    for plant in plants:
+        for run in (
+            lambda plant=plant: plant.simulate(U, start),
+            lambda plant=plant: plant.simulate_batch(U[None], start[None]),
+        ):
+            with pytest.raises(SimulationDiverged):
+                run()
+    found = TableSimulator(U, np.ma.masked_equal([1.0, 7.0, 1.0, 1.0], 7.0)).simulate(U)
+    np.testing.assert_array_equal(np.isnan(found[:, 0]), [False, True, False, False])
