@@ -1,17 +1,24 @@
-"""Worker processes that an interrupt does not reach: the process that started them decides what becomes of them."""
+"""Worker processes that an interrupt does not reach, and that end with the process that started them: it decides what becomes of them."""
 
 from __future__ import annotations
 
 import os
 import signal
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from multiprocessing import resource_tracker
 from typing import Any
 
 from joblib import Parallel, delayed, effective_n_jobs
 from joblib.externals.loky.backend import resource_tracker as loky_tracker
+from joblib.parallel import get_active_backend
+
+from sksurrogate._parallel._orphans import watch_parent
+
+#: Numbers of the processes that a thread of this one already looks after.
+_WATCHED: set[int] = set()
 
 
 @contextmanager
@@ -39,7 +46,7 @@ def interrupts_blocked() -> Iterator[None]:
 
 
 def workers(n_jobs: int | None, **options: Any) -> Parallel:
-    """joblib's workers, started with :func:`interrupts_blocked`.
+    """joblib's workers, started with :func:`interrupts_blocked`. Those of this machine end with this process, whatever they are doing.
 
     >>> workers(1)(delayed(abs)(k) for k in (-1, 2))
     [1, 2]
@@ -51,4 +58,24 @@ def workers(n_jobs: int | None, **options: Any) -> Parallel:
                 tracker.ensure_running()  # where one starts later it lets interrupts in again
         with interrupts_blocked():
             Parallel(n_jobs=n_jobs)(delayed(os.getpid)() for _ in range(n))
-    return Parallel(n_jobs=n_jobs, **options)
+    return _Workers(n_jobs=n_jobs, **options)
+
+
+class _Workers(Parallel):
+    """A worker that waits in a simulator would otherwise outlive a process that is killed."""
+
+    def __call__(self, tasks: Iterable[tuple[Callable[..., Any], tuple[Any, ...], dict[str, Any]]]) -> Any:
+        if type(get_active_backend()[0]).__name__ == "LokyBackend":  # its workers are processes that this one started
+            owner = os.getpid()
+            tasks = ((partial(_watched, owner, function), given, named) for function, given, named in tasks)
+        return super().__call__(tasks)
+
+
+def _watched(owner: int, function: Callable[..., Any], *given: Any, **named: Any) -> Any:
+    """What the function gives, in a process that ends with its owner."""
+    if owner not in (os.getpid(), *_WATCHED):
+        if os.getppid() != owner:
+            os._exit(1)  # it has ended since it sent the task
+        _WATCHED.add(owner)
+        watch_parent()
+    return function(*given, **named)

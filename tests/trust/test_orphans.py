@@ -42,6 +42,19 @@ _solve.serve = serve
 _solve.main()
 """
 
+WORKERS = """
+import os, time
+from sksurrogate._parallel._interrupts import delayed, workers
+
+def blocks(told):
+    with open(told, "w") as file:
+        file.write(f"{os.getpid()}\\n")
+    time.sleep(3600)  # as of a simulator that never answers
+
+if __name__ == "__main__":
+    workers(2)(delayed(blocks)(f"/proc/{os.getpid()}/fd/1") for _ in range(4))
+"""
+
 STARTS = """
 import subprocess, sys, time
 subprocess.Popen([sys.executable, "-c", sys.argv[1]], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=1)
@@ -58,7 +71,9 @@ def alive(number):
         return False
 
 
-@pytest.mark.parametrize("command", [[BLOCKED], [STARTS, ANSWERS_NEVER]], ids=["fork", "started"])
+@pytest.mark.parametrize(
+    "command", [[BLOCKED], [STARTS, ANSWERS_NEVER], [WORKERS]], ids=["fork", "started", "workers of joblib"]
+)
 def test_a_killed_process_leaves_no_helper(command):
     main = subprocess.Popen([sys.executable, "-c", *command], stdout=subprocess.PIPE, text=True)
     with main.stdout:
