@@ -38,7 +38,8 @@ def read_csv(
     ----------
     path : path
         UTF-8 text with a header; comma, semicolon or tabulator. A quoted cell ends in its line. At most 512 MiB. Decimal
-        points; decimal commas too where cells are not separated by commas.
+        points; decimal commas too where cells are not separated by commas. Rows of empty cells at the end are left out, and
+        with ``time`` everywhere.
     wanted : sequence of str
         Numeric columns.
     run : str, optional
@@ -132,6 +133,8 @@ def _by_pandas(
     if not len(frame) or data.count(delimiter.encode()) != (len(header) - 1) * (len(frame) + 1):
         return None  # a line is short, or there is none
     cells = {column: [str(cell).strip() for cell in frame[place]] for column, place in places.items()}
+    if not any(texts[-1] for texts in cells.values()):
+        return None  # perhaps what a spreadsheet leaves behind the last sample
     labels = cells.pop(run) if run else []
     columns = {column: _plain(texts, column == time, column in gaps, delimiter) for column, texts in cells.items()}
     if not all(map(len, columns.values())) or not all(map(_is_label, set(labels))):
@@ -172,9 +175,7 @@ def _read(
     label_at = header.index(run) if run else None
     values, labels = array("d"), []
     clock = _Clock()
-    for line, row in rows:
-        if not any(cell.strip() for cell in row):
-            continue
+    for line, row in _samples(rows, clock=time is not None):
         if len(row) != len(header):
             hint = " Are numbers written with decimal commas?" if len(row) > len(header) else ""
             raise DataError(f"{name}, line {line}: {len(row)} cells, expected {len(header)} as in the header.{hint}")
@@ -202,6 +203,21 @@ def _read(
     table = np.array(values).reshape(-1, len(places))
     columns = {column: table[:, j] for j, column in enumerate(wanted)}
     return columns, _labels(labels) if label_at is not None else None
+
+
+def _samples(rows: Iterator[tuple[int, list[str]]], clock: bool) -> Iterator[tuple[int, list[str]]]:
+    """Rows without blank lines, and without the empty cells that a spreadsheet leaves behind the last sample.
+
+    Empty cells between samples are a sample, unless a ``clock`` tells when the others were taken: without it those would move up.
+    """
+    empty: list[tuple[int, list[str]]] = []
+    for line, row in rows:
+        if any(cell.strip() for cell in row):
+            yield from empty
+            empty = []
+            yield line, row
+        elif len(row) > 1 and not clock:
+            empty.append((line, row))
 
 
 def _is_label(text: str) -> bool:

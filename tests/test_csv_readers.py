@@ -97,3 +97,18 @@ def test_nanoseconds_are_kept(tmp_path):
         columns, _ = read(content, tmp_path, by_pandas, time="t")
         assert columns["t"] == pytest.approx([0.0, 9e-7, 1 + 2.5e-7], abs=1e-10)
     assert np.all(np.diff(columns["t"]) > 0)
+
+
+@pytest.mark.parametrize("by_pandas", [True, False])
+def test_a_row_of_empty_cells_is_a_sample_unless_a_clock_stands_beside_it(by_pandas, tmp_path):
+    said = read(b"u,y\n1,2\n\n,\n5,6\n", tmp_path, by_pandas)
+    assert "line 4, column 'u': the cell is empty: fill it, or delete the row" in said
+    assert read(b"u,y\n1,2\n,\n,\n", tmp_path, by_pandas) == ({"u": [1.0], "y": [2.0]}, None)
+    timed = read(b"t,u,y\n0,1,2\n,,\n2,5,6\n", tmp_path, by_pandas, time="t")
+    assert timed[0]["u"] == [1.0, 5.0] and timed[0]["t"] == [0.0, 2.0]
+    (tmp_path / "d.csv").write_bytes(b"y,z\n1,2\n,\n5,6\n,\n")
+    with pytest.MonkeyPatch.context() as patch:
+        if not by_pandas:
+            patch.setattr(_csv, "_by_pandas", lambda *given: None)
+        columns, _ = _csv.read_csv(tmp_path / "d.csv", ["y", "z"], gaps=["y", "z"])
+    np.testing.assert_array_equal(columns["y"], [1.0, np.nan, 5.0])
