@@ -237,28 +237,29 @@ class _Clock:
     """Dates and times as seconds from the first one."""
 
     def __init__(self) -> None:
-        self.first: tuple[datetime, float] | None = None
+        self.first: tuple[datetime, float, bool] | None = None
         self.others = False
 
     def seconds(self, text: str) -> float | None:
-        """None where the text is not a date and time of ISO 8601, or stands in a column of others."""
+        """None where the text is not a date and time of ISO 8601, or stands in a column of others, or beside those with a time zone
+        without one."""
         found = None if self.others or not ISO_TIME.match(text.strip()) else _moment(text.strip())
-        if found is None:
+        if found is None or (self.first and found[2] != self.first[2]):
             self.others = True
             return None
         self.first = self.first or found
         return (found[0] - self.first[0]).total_seconds() + (found[1] - self.first[1])
 
 
-def _moment(text: str) -> tuple[datetime, float] | None:
-    """A time to the microsecond, and the digits below that in seconds."""
+def _moment(text: str) -> tuple[datetime, float, bool] | None:
+    """A time to the microsecond, the digits below that in seconds, and whether it says its time zone."""
     below = re.search(r"(?<=[.,]\d{6})\d+", text)
     try:
         moment = datetime.fromisoformat(text)
     except ValueError:
         return None
-    moment = moment if moment.tzinfo is not None else moment.replace(tzinfo=UTC)
-    return moment, float(f"0.{below[0]}") * 1e-6 if below else 0.0
+    zone = moment.tzinfo is not None
+    return moment if zone else moment.replace(tzinfo=UTC), float(f"0.{below[0]}") * 1e-6 if below else 0.0, zone
 
 
 def _lines(reader: Any, name: str) -> Iterator[tuple[int, list[str]]]:
