@@ -133,7 +133,9 @@ def _blind(arguments: argparse.Namespace) -> int:
     from sksurrogate.blind import run_blind_check
 
     own: dict[str, Any] = {}
-    _check_target("--html", arguments.html)
+    own_file = (arguments.simulator or "").rpartition(":")[0]
+    read = {"--simulator": own_file, "--data": arguments.data, "--resume": arguments.resume}
+    _check_targets({"--html": arguments.html}, read)
     if arguments.simulator:
         if not arguments.data:
             raise DataError("--simulator needs --data CSV: the recorded inputs that the check repeats.")
@@ -193,10 +195,21 @@ def load_simulator(reference: str) -> Any:
     return getattr(module, name)
 
 
-def _check_target(option: str, target: str | None) -> None:
-    """A file can be written there: said before minutes of work, not after."""
-    if not target:
-        return
+def _check_targets(targets: Mapping[str, str | None], read: Mapping[str, str | None]) -> None:
+    """Files can be written there, each under a name of its own, and none over what is ``read``: said before minutes of work, not after."""
+    taken = {Path(file).resolve(): name for name, file in read.items() if file}
+    for option, target in targets.items():
+        if not target:
+            continue
+        _check_target(option, target)
+        path = Path(target).resolve()
+        if path in taken and (path.is_file() or not path.exists()):
+            raise DataError(f"{option} {target} and {taken[path]} are the same file: give two names.")
+        taken[path] = option
+
+
+def _check_target(option: str, target: str) -> None:
+    """A file can be written there."""
     path = Path(target)
     if path.is_dir():
         raise DataError(f"{option} {target} is a folder: name a file in it.")
@@ -246,11 +259,9 @@ def _diagnose(arguments: argparse.Namespace) -> int:
 
     if arguments.jobs == 0:
         raise DataError("--jobs 0: give the number of worker processes, or -1 for one for each core.")
-    _check_target("--html", arguments.html)
-    _check_target("--save", arguments.save)
-    _check_target("--json", None if arguments.json == "-" else arguments.json)
-    if arguments.html and arguments.save and Path(arguments.html).resolve() == Path(arguments.save).resolve():
-        raise DataError(f"--html {arguments.html} and --save are the same file: give two names.")
+    read = {"the simulator": arguments.simulator.rpartition(":")[0], "the data": arguments.data}
+    report = None if arguments.json == "-" else arguments.json
+    _check_targets({"--html": arguments.html, "--save": arguments.save, "--json": report}, read)
     simulator = load_simulator(arguments.simulator)
     plant = describe(simulator)
     X, y, clock, labels, units = _recording(arguments, plant, units_of(simulator))

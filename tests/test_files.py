@@ -230,6 +230,24 @@ def test_a_target_that_cannot_be_written_is_said_before_the_work(option, command
     assert Diagnosed.fits == 0
 
 
+@pytest.mark.parametrize("option", ["--html", "--save"])
+@pytest.mark.parametrize(("file", "name"), [("plant.py", "the simulator"), ("./d.csv", "the data")])
+def test_a_result_is_not_written_over_what_was_read(option, file, name, command, capsys):
+    before = Path(file).read_bytes()
+    assert main([*command, option, file]) == 2
+    assert f"{option} {file} and {name} are the same file: give two names" in capsys.readouterr().err
+    assert Path(file).read_bytes() == before and Diagnosed.fits == 0
+
+
+def test_two_results_do_not_share_a_file_but_may_share_a_stream(command, capsys):
+    assert main([*command, "--json", "better.json"]) == 2
+    assert "--json better.json and --save are the same file: give two names" in capsys.readouterr().err
+    Path("rows.jsonl").write_text("{}")
+    assert main(["blind", "--resume", "rows.jsonl", "--html", "rows.jsonl"]) == 2
+    assert "--html rows.jsonl and --resume are the same file: give two names" in capsys.readouterr().err
+    assert main([*command, "--html", os.devnull, "--save", os.devnull]) == 0
+
+
 def test_what_does_not_fit_on_the_disk_is_kept_elsewhere(command, monkeypatch, capsys, tmp_path):
     Path("better.json").write_text("the controller reads this")
     (tmp_path / "tmp").mkdir()
