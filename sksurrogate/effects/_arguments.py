@@ -63,6 +63,8 @@ def _read(value: Any) -> Any:
         return [_read(one) for one in value]
     if value != value:
         raise ValueError("an argument is nan, expected a number")
+    if isinstance(value, int) and value.bit_length() > 1023:
+        raise ValueError("an argument is a whole number beyond 1e308")
     if not isinstance(value, dict):
         return value
     ((tag, inside),) = value.items()

@@ -180,6 +180,7 @@ def stored(effects="[]", params="{}", more=""):
         (stored(params='{"feed": "4.5"}'), "params: feed='4.5', expected a finite number"),
         (stored(params='{"feed": ' + 400 * "1" + "}"), "not a file of save_augmented"),
         (stored(params='{"feed": ' + 5000 * "1" + "}"), "not a file of save_augmented"),
+        (stored(lag({"time_constant": 0.05}).replace("{}", '{"before": ' + 400 * "1" + "}")), "beyond 1e308"),
         (stored(more=', "sharpness": 0'), "sharpness=0, expected a number above 0"),
         (stored(more=', "sharpness": -Infinity'), "sharpness=-inf, expected a finite number"),
         (stored(more=', "scale": [1.0, 0.0]'), "scale=0, expected a number above 0"),
