@@ -147,3 +147,25 @@ def test_a_free_signal_at_a_sensor_is_its_own(sensor):
     assert noise.coloured[sensor] == pytest.approx(0.6, rel=0.3)
     assert noise.coloured[1 - sensor] == pytest.approx(1e-2 * sd[0])  # the signal is at one place
     assert noise.sigma[1 - sensor] == pytest.approx(0.05, rel=0.15)
+
+
+def test_a_free_signal_in_a_balance_is_a_force_and_no_noise_of_a_sensor():
+    plant = describe(
+        ODESimulator(lambda t, x, u, p: (u[0] - p["k"] * x[0], x[0] - x[1]), states=["x", "z"], outputs=["x", "z"], **NAMES)
+    )  # fmt: skip
+    rng, n, sd = np.random.default_rng(3), 400, np.array([0.05, 0.05])
+    U = np.repeat(rng.uniform(-1, 1, 40), 10)[:, None]
+    slow = np.zeros(n)
+    for k in range(1, n):  # deviation 0.6, correlated over ten samples
+        slow[k] = np.exp(-0.1) * slow[k - 1] + 0.6 * np.sqrt(1 - np.exp(-0.2)) * rng.normal()
+    Y = plant.simulator.simulate(U + slow[:, None]) + sd * rng.normal(size=(n, 2))
+    problem, _ = build_problem(plant, PlantModel(plant), record_of([U], [Y]), (), ("x", "z"))
+    null = problem.fit((), np.zeros(0), problem.run)
+    D = null.disturbance.with_forces(null.disturbance.B.transpose(1, 2, 0)[:, :1])
+    noise, value, _ = fit_signal(D, null.residual, sd, np.std(Y, axis=0), 1.0, None)
+    assert value > max(fit_signal(D, null.residual, sd, np.std(Y, axis=0), 1.0, one)[1] for one in (0, 1)) + 100.0
+    assert noise.force[0] == pytest.approx(0.6, rel=0.3)
+    np.testing.assert_allclose(noise.coloured, 1e-2 * sd, rtol=1e-9)
+    assert noise.sigma[1] == pytest.approx(
+        0.05, rel=0.3
+    )  # ten steps do not tell all of the white noise at x from the force
