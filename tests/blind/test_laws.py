@@ -5,6 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from sksurrogate.blind import draw
+from sksurrogate.blind._cases import _beyond
 from sksurrogate.blind._law_score import effect_r2, law_score
 from sksurrogate.blind._laws import GROUPS, WITHHELD, family
 from sksurrogate.blind._march import march
@@ -58,3 +59,15 @@ def test_a_case_goes_beyond_its_range_and_is_scored_there():
 def test_half_of_an_effect_has_three_quarters_of_its_power():
     y = np.arange(4.0).reshape(1, 4, 1)
     assert effect_r2(0 * y, 0.5 * y, y, np.ones(1)) == pytest.approx(0.75)
+
+
+@pytest.mark.parametrize("positive", [True, False])
+def test_runs_beyond_lie_half_as_far_out_again_about_their_centre(positive):
+    plant = next(one for one in PLANTS.values() if one.positive is positive)
+    rng = np.random.default_rng(0)
+    X, x0 = 0.1 * rng.uniform(size=(2, 40, len(plant.inputs))), 0.1 * rng.uniform(size=(2, len(plant.states)))
+    X_far, x0_far, y_far = _beyond(plant, X, x0, (), [0])
+    for near, far in ((X, X_far), (x0, x0_far)):
+        about = near.reshape(-1, near.shape[-1]).mean(axis=0) if not positive else 0.0
+        np.testing.assert_allclose(far - about, 1.5 * (near - about), atol=1e-12)
+    np.testing.assert_allclose(y_far, march(plant, X_far, x0_far, (), substeps=12).outputs[..., [0]])

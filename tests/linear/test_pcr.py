@@ -137,3 +137,14 @@ def test_example_of_knots_and_rank(monkeypatch):
     found = runpy.run_path(str(example))
     pyplot.close("all")
     assert found["grade"] < 0.22
+
+
+@pytest.mark.parametrize("n", [0, -1, 0.0, 1.0, "all"])
+def test_a_number_of_components_that_means_nothing_is_refused(n):
+    with pytest.raises(ValueError, match="The 'n_components' parameter of PCRRegressor must be"):
+        PCRRegressor(n_components=n).fit(*data())
+
+
+@pytest.mark.parametrize(("n", "kept"), [(1, 1), (1e-9, 1), (1.0 - 1e-12, 8), (None, 8)])
+def test_counts_and_shares_at_their_limits_are_taken(n, kept):
+    assert PCRRegressor(n_components=n).fit(*data()).n_components_ == kept
