@@ -5,9 +5,8 @@ from __future__ import annotations
 import os
 import signal
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
-from functools import partial
 from multiprocessing import resource_tracker
 from typing import Any
 
@@ -16,9 +15,6 @@ from joblib.externals.loky.backend import resource_tracker as loky_tracker
 from joblib.parallel import get_active_backend
 
 from sksurrogate._parallel._orphans import watch_parent
-
-#: Numbers of the processes that a thread of this one already looks after.
-_WATCHED: set[int] = set()
 
 
 @contextmanager
@@ -57,25 +53,19 @@ def workers(n_jobs: int | None, **options: Any) -> Parallel:
             for tracker in (resource_tracker, loky_tracker):
                 tracker.ensure_running()  # where one starts later it lets interrupts in again
         with interrupts_blocked():
-            Parallel(n_jobs=n_jobs)(delayed(os.getpid)() for _ in range(n))
-    return _Workers(n_jobs=n_jobs, **options)
+            Parallel(n_jobs=n_jobs, **_looked_after())(delayed(os.getpid)() for _ in range(n))
+        options = {**_looked_after(), **options}
+    return Parallel(n_jobs=n_jobs, **options)
 
 
-class _Workers(Parallel):
-    """A worker that waits in a simulator would otherwise outlive a process that is killed."""
-
-    def __call__(self, tasks: Iterable[tuple[Callable[..., Any], tuple[Any, ...], dict[str, Any]]]) -> Any:
-        if type(get_active_backend()[0]).__name__ == "LokyBackend":  # its workers are processes that this one started
-            owner = os.getpid()
-            tasks = ((partial(_watched, owner, function), given, named) for function, given, named in tasks)
-        return super().__call__(tasks)
+def _looked_after() -> dict[str, Any]:
+    """Options of workers that are processes which this one starts: one that waits in a simulator would outlive a process that is killed."""
+    local = type(get_active_backend()[0]).__name__ == "LokyBackend"
+    return {"initializer": _ends_with, "initargs": (os.getpid(),)} if local else {}
 
 
-def _watched(owner: int, function: Callable[..., Any], *given: Any, **named: Any) -> Any:
-    """What the function gives, in a process that ends with its owner."""
-    if owner not in (os.getpid(), *_WATCHED):
-        if os.getppid() != owner:
-            os._exit(1)  # it has ended since it sent the task
-        _WATCHED.add(owner)
-        watch_parent()
-    return function(*given, **named)
+def _ends_with(owner: int) -> None:
+    """Said to every worker when it starts."""
+    if os.getppid() != owner:
+        os._exit(1)  # it has ended meanwhile
+    watch_parent()
