@@ -43,6 +43,10 @@ def said(dt, y):
         (6.0, "60 times shorter"),
         (0.1 / 3600, "3600 times longer"),
         (360.0, "3600 times shorter"),
+        (1e-7, "1e+06 times longer"),
+        (1e5, "1e+06 times shorter"),
+        (0.1 / 86400, "86400 times longer"),
+        (2.4, "24 times shorter"),
     ],
 )
 def test_another_unit_of_time_is_found(dt, words):

@@ -12,15 +12,16 @@ from sksurrogate.kernels.output_error import free_run
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics._model import PlantModel
 
-#: What people confuse: milliseconds, seconds, minutes, hours.
-FACTORS = (1000.0, 60.0, 3600.0, 1 / 1000.0, 1 / 60.0, 1 / 3600.0)
+#: What people confuse: a second and its thousandths, its millionths, minutes, hours, days; minutes and days; hours and days.
+UNITS_OF_TIME = (1000.0, 60.0, 3600.0, 1e6, 86400.0, 1440.0, 24.0)
+FACTORS = (*UNITS_OF_TIME, *(1 / factor for factor in UNITS_OF_TIME))
 #: And in readings: degrees and radians, thousandths, hundredths; how much larger the numbers are than the simulator's.
 DEGREES = 180.0 / np.pi
 OF_READINGS = (DEGREES, 1000.0, 100.0, 1 / DEGREES, 1 / 1000.0, 1 / 100.0)
 #: In the right unit the simulator alone explains at least this share of every output's variance more: half of what there is.
 MORE_EXPLAINED = 0.5
 #: Time, or all signals, in units so much further off: there the simulator stands still, is linear, or at its limits.
-FAR_OFF = 1e6
+FAR_OFF = 1e9
 #: Share of the variance that a unit of all signals may leave, where one far off leaves less than twice as much.
 MOST_UNEXPLAINED = 0.05
 #: Steps of the integrator in a sample, enough where a sample resolves the plant.
@@ -123,7 +124,8 @@ def _explained(model: PlantModel, record: Record) -> float:
         start[i] = record.y[j, record.starts]
     left = record.residual(_run(model, record, start))
     left = left - left.mean(axis=1, keepdims=True)
-    share = 1.0 - np.mean(left**2, axis=1) / record.spread**2
+    with np.errstate(all="ignore"):  # in a unit far off the run may leave the numbers
+        share = 1.0 - np.mean(left**2, axis=1) / record.spread**2
     return float(np.min(share)) if np.isfinite(share).all() else -np.inf
 
 
