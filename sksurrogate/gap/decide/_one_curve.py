@@ -15,6 +15,8 @@ from sksurrogate.gap.unnamed._law_evidence import place_and_signal
 from sksurrogate.gap.unnamed._law_left import LawLeft
 from sksurrogate.gap.unnamed._law_shapes import AND_ITS_PAST
 
+#: A law that corrects the form of a name is half normal before any data, with the tolerance as its scale: so many scales hold 95 %.
+LARGEST_CORRECTION = 2.0
 #: Smallest spread of a size, over the gap's.
 LEAST_SPREAD = 1e-6
 
@@ -60,8 +62,8 @@ def _size(outputs: np.ndarray) -> float:
 def form_holds(effect: BaseEffect, law: LawLeft, tolerance: float) -> float:
     """Probability that the law beside a name leaves the name its form.
 
-    A name and a law of its own place and signal are one curve. Up to the tolerance the law corrects the form of the name, for no form is
-    exact; a larger one is a curve of another form, of which the name is a part at best. Laws elsewhere say nothing of the name.
+    A name and a law of its own place and signal are one curve. A small law corrects the form of the name, for no form is exact; a larger one is
+    a curve of another form, of which the name is a part at best. Laws elsewhere say nothing of the name.
 
     >>> from sksurrogate.effects import CATALOGUE
     >>> leak, law = CATALOGUE["sqrt_leak"]("speed", "speed"), LawLeft("speed", "state", "speed", size=0.3, spread=0.01)
@@ -71,4 +73,4 @@ def form_holds(effect: BaseEffect, law: LawLeft, tolerance: float) -> float:
     signal = law.location, law.variable.removesuffix(AND_ITS_PAST)
     if signal != place_and_signal(effect) or (law.kind == "output") != (effect.kind == "output"):
         return 1.0
-    return float(ndtr((tolerance - law.size) / max(law.spread, LEAST_SPREAD)))
+    return float(ndtr((LARGEST_CORRECTION * tolerance - law.size) / max(law.spread, LEAST_SPREAD)))

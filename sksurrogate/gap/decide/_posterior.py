@@ -57,7 +57,7 @@ class Posterior:
 def weigh(search: OdeSearch, final: Evidence) -> Posterior:
     """The posterior of a set's effects against the set without each of them, and without all, a law in their place.
 
-    A name whose place and signal have a law larger than the tolerance beside it has not the form of what is there.
+    A name whose own place and signal have a law beside it that is too large for a correction has not the form of what is there.
     """
     n = len(final.effects)
     whole = final.candidate
