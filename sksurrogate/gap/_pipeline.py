@@ -21,6 +21,7 @@ from sksurrogate.gap.decide._equivalence import canonical_classes
 from sksurrogate.gap.decide._estimates import estimates, ranking
 from sksurrogate.gap.decide._experiment import next_experiment
 from sksurrogate.gap.decide._held_out import Baseline, held_out, likelier_held_out, notes_on_names, same_names, traces
+from sksurrogate.gap.decide._nearest_name import nearest_name
 from sksurrogate.gap.decide._retuning import parameter_errors
 from sksurrogate.gap.decide._rules import certified, share_left
 from sksurrogate.gap.decide._run_to_run import differs, run_to_run
@@ -279,6 +280,15 @@ class DiagnosisPipeline(LawStage[C]):
             return [] if found is None else [differs(found, self.labels)]
         return []
 
+    def nearest_name(self) -> list[str]:
+        """Which effect is the most like the law that has no name."""
+        law = self.found.law
+        one = None if law is None or self.final.effects else nearest_name(self.search, law)
+        if one is None:
+            return []
+        left = float(np.sqrt(one.fit.cost / self.search.gap_cost))
+        return [_notes.nearest(one.effects[0], list(map(float, one.theta_of(0))), left)]
+
     def notes(self, verdict: str) -> list[str]:
         """What a careful reader should know."""
         found, final, problem = self.found, self.final, self.problem
@@ -293,6 +303,7 @@ class DiagnosisPipeline(LawStage[C]):
         )
         if verdict == "none" and found.shrink is not None:
             notes += _notes.on_none(found.shrink)
+        notes += self.nearest_name() if verdict == "unknown" else []
         notes += self.access.notes(final, verdict)
         notes += self.from_run_to_run() if verdict != "none" else []
         notes += [*_notes.at_a_bound(self.retuned()), *_notes.lost_candidates(list(self.search.lost))]

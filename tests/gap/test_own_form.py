@@ -1,5 +1,6 @@
 """A name whose own place and signal keep a law that is too large for a correction has not the form of what is there."""
 
+import re
 from types import SimpleNamespace
 
 import numpy as np
@@ -70,6 +71,8 @@ def test_a_loss_that_sets_in_is_a_law_and_no_stop_with_a_correction():
     law = report.missing_term.law
     assert law.location == "room" and law.variables == ("room",) and law.certified
     assert report.shrink.fraction_law > 0.99
+    (said,) = (note for note in report.notes if "comes nearest" in note)
+    assert "at room in room (" in said and re.search(r"alone it leaves 1[3-6]\.\d % of the gap", said)
 
 
 def test_a_sensor_that_reads_its_own_noise_explains_no_noise():

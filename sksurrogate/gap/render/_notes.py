@@ -6,7 +6,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.gap.decide._rules import PRACTICAL
+from sksurrogate.gap.render._values import percent, readable
 from sksurrogate.gap.results._shrink import Shrink
 from sksurrogate.gap.results._table import Table
 
@@ -96,6 +98,21 @@ def on_none(shrink: Shrink) -> list[str]:
         f"{above} no law explains it better than a disturbance. Repeat a run with the same inputs to tell a disturbance from an "
         "effect."
     ]
+
+
+def nearest(effect: BaseEffect, theta: Sequence[float], left: float) -> str:
+    """The effect of the catalogue that comes nearest to a law without a name, and the share of the gap (amplitude) that it leaves.
+
+    >>> from sksurrogate.effects import CATALOGUE
+    >>> nearest(CATALOGUE["input_saturation"]("force"), (2.5,), 0.17)[:91]
+    'The law has no name. Of the catalogue, input saturation at force (limit 2.5) comes nearest:'
+    """
+    values = ", ".join(f"{parameter.name} {value:.4g}" for parameter, value in zip(effect.parameters, theta))
+    driver = f" in {effect.variable}" if effect.variable else ""
+    return (
+        f"The law has no name. Of the catalogue, {readable(effect.name)} at {effect.location}{driver} ({values}) comes nearest: alone it "
+        f"leaves {percent(left)} of the gap in the data that it was fitted to."
+    )
 
 
 def too_little(names: Sequence[str], where: str = "in the data") -> str:
