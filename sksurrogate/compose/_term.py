@@ -129,6 +129,11 @@ class TermModel:
         """Whether the map is a plant's own step."""
         return self.plant.may_jump
 
+    @property
+    def steps_many(self) -> bool:
+        """Whether this step takes many samples in one call."""
+        return self.plant.steps_many
+
     def closing_weight(self, sd: np.ndarray) -> np.ndarray:
         """Size to which every state of a free run is closed."""
         return self.plant.closing_weight(sd)

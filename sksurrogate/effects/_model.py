@@ -126,9 +126,7 @@ class AugmentedModel:
     def variable(self, i: int, x: np.ndarray, u: np.ndarray) -> Any:
         """Values of the variable of effect i: an array, a pair for "v*w", None where there is none."""
         found = tuple(x[place] if is_state else u[place] for is_state, place in self.wires[i].drivers)
-        if not found:
-            return None
-        return found[0] if len(found) == 1 else found
+        return found[0] if len(found) == 1 else found or None
 
     def force_of(
         self, i: int, t: np.ndarray, x: np.ndarray, u: np.ndarray, parameters: Sequence[np.ndarray], width: Any
@@ -164,6 +162,11 @@ class AugmentedModel:
     def may_jump(self) -> bool:
         """Whether the map is a simulator's own step."""
         return self.plant.access == "step"
+
+    @property
+    def steps_many(self) -> bool:
+        """Whether this step takes many samples in one call."""
+        return self.model.steps_many
 
     @property
     def runs_at_once(self) -> bool:
@@ -335,11 +338,9 @@ class BoundModel:
     def clip(self, x: np.ndarray, t: Any, final: bool = False) -> np.ndarray:
         """Limits on states at a time: of what a step has brought beyond a limit, the share of the step that the limit is in force."""
         x, step = x.copy(), self.record.dt if self.a.plant.access == "step" else self.h
-        states = self.a.plant.states
         for i, effect in enumerate(self.a.effects):
             if isinstance(effect, LimitEffect):
-                place = states.index(str(effect.location))
-                other = states.index(effect.variable) if effect.variable else None
+                place, other = (self.a.plant.states.index(name) if name else None for name in effect.key[1:])
                 theta = self._parameters[i]
                 how = effect, t - 0.5 * step, theta, 0.5 * step
                 limited, received = effect.clip(x[place], None if other is None else x[other], theta, final)
@@ -357,10 +358,8 @@ class BoundModel:
         for i, effect in enumerate(a.effects):
             if isinstance(effect, HiddenEffect):
                 v = np.broadcast_to(self.a.variable(i, x0, u0), x0.shape[1:])
-                for row, value in zip(
-                    range(a.hidden_of(i).start, a.hidden_of(i).stop), effect.rest(v, self._parameters[i])
-                ):
-                    out[row] = value
+                for row, value in zip(out[a.hidden_of(i)], effect.rest(v, self._parameters[i])):
+                    row[:] = value
         return self.clip(out, self.record.t[self.record.starts]) if self._has_limits else out
 
     # ---- outputs ----------------------------------------------------------------------------------------------------
@@ -391,8 +390,8 @@ class BoundModel:
             end = self._plain_outputs(record.t, x, before)[place]
             end[:, record.starts] = y[place][:, record.starts]
         if plant.access == "step":
-            before_rows = y[place] if end is None else end
-            return SensorPath(y[place], *slopes_so_far(y[place], before_rows, record.dt, record.starts), end)
+            slopes = slopes_so_far(y[place], y[place] if end is None else end, record.dt, record.starts)
+            return SensorPath(y[place], *slopes, end)
         right = self._slope(x, first, place)
         if not moves:
             return SensorPath(y[place], right, right)

@@ -75,6 +75,10 @@ class FreeRunModel(Protocol):
     def may_jump(self) -> bool:
         """Whether the map is a simulator's own step, which may jump, so that a free run need not be the limit of corrections."""
 
+    @property
+    def steps_many(self) -> bool:
+        """Whether this step takes many samples in one call: walking through them one by one costs a call for each."""
+
     def closing_weight(self, sd: np.ndarray) -> np.ndarray:
         """Size (n_states,) to which a free run is closed, with sensors of noise ``sd`` (n_outputs,)."""
 

@@ -278,17 +278,18 @@ class _OutputError:
     def run_from(self, bound: BoundFreeRunModel, x: np.ndarray, band: np.ndarray | None) -> tuple[np.ndarray, bool]:
         """Free run from the first rows of x, and whether there is one: by the simulator itself, else by Newton's method near x.
 
-        A simulator's own steps may jump, as contacts do: where Newton's method has failed once, samples are taken one by one.
+        Own steps may jump, as contacts do: where that fails, samples are taken one by one, or in windows where one call takes many.
         """
         record = self.record
-        own, failed = bound.run(x[:, record.starts]), x
+        runs = x[:, record.starts], record.starts, record.lengths
+        own, failed = bound.run(runs[0]), x
         if own is None and not self.jumps:
             closed, ok, _ = close(bound, x, record.starts, self.weight, 1e-3, band=band)
             if ok or not self.model.may_jump:
                 return closed, ok
-            self.jumps, failed = True, closed
+            self.jumps, failed = not self.model.steps_many, closed
         if own is None:
-            own = run_by_samples(bound, x[:, record.starts], record.starts, record.lengths)
+            own = run_by_samples(bound, *runs) if self.jumps else run_in_windows(bound, *runs, self.model.scale)
         ok = bool(np.isfinite(own).all())
         return own if ok else failed, ok
 

@@ -64,6 +64,11 @@ class FitModel:
         """Whether the map is the plant's own step."""
         return self.inner.plant.access == "step"
 
+    @property
+    def steps_many(self) -> bool:
+        """Whether this step takes many samples in one call."""
+        return self.inner.steps_many
+
     def closing_weight(self, sd: np.ndarray) -> np.ndarray:
         """Size to which every state of a free run is closed."""
         return closing_weight(self.scale, self.record.spread, sd, self.plain_outputs)

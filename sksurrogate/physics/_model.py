@@ -82,6 +82,11 @@ class PlantModel:
         return self._rhs is not None and bool(self._rhs.vectorised)
 
     @property
+    def steps_many(self) -> bool:
+        """Whether the simulator's own step was found to take arrays of points."""
+        return self._step is not None and bool(self._step.vectorised)
+
+    @property
     def refusal(self) -> str:
         """What the user's functions said when they last refused a point; empty where they did not."""
         functions = (self._rhs, self._step, self._output)

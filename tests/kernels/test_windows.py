@@ -5,9 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from sksurrogate.effects._model import AugmentedModel
+from sksurrogate.kernels import output_error
+from sksurrogate.kernels.record import Record
 from sksurrogate.kernels.windows import SHORTEST_WINDOW, run_in_windows
-from sksurrogate.physics import ODESimulator
+from sksurrogate.physics import ODESimulator, StepSimulator
 from sksurrogate.physics import _free_run as free_runs
+from sksurrogate.physics._model import PlantModel
+from sksurrogate.physics._simulator import describe
 
 rng = np.random.default_rng(0)
 U = np.repeat(rng.uniform(-1.0, 1.0, 200), 15)
@@ -103,3 +108,31 @@ def test_a_long_run_of_a_simulator_is_that_of_a_loop(monkeypatch, hold):
     in_windows = simulator.simulate(U[:1200, None])
     monkeypatch.setattr(free_runs, "LONG_RUN", 10_000)
     assert np.allclose(in_windows, simulator.simulate(U[:1200, None]), rtol=0.0, atol=1e-10)
+
+
+@pytest.mark.filterwarnings("ignore:step does not take arrays")
+@pytest.mark.parametrize("vectorised", [True, False])
+def test_where_newton_fails_on_a_step_its_runs_close_in_windows_if_one_call_takes_many_samples(monkeypatch, vectorised):
+    """A Python step costs a call, whatever number of samples it takes: an irrigation canal was walked through for minutes."""
+    asked = []
+
+    def tank(t, x, u, p, dt):
+        asked.append(np.size(x))
+        if not vectorised and np.ndim(x[0]) > 0:
+            raise TypeError("one point at a time")
+        return (x[0] + dt * (u[0] - 0.8 * np.sqrt(np.maximum(x[0], 1e-3))),)
+
+    simulator = StepSimulator(tank, states=["level"], inputs=["flow"], outputs=["level"], params={}, dt=0.1)
+    flows, n = [np.abs(U[k : k + 400, None]) for k in (0, 700)], 400
+    runs = [simulator.simulate(flow, x0=[1.0]) for flow in flows]
+    record = Record.from_runs(flows, runs, [0.1 * np.arange(n)] * 2, 0.1)
+    model = AugmentedModel(PlantModel(describe(simulator)), (), (), record, n_sub=1, scale=np.ones(1))
+    monkeypatch.setattr(output_error, "close", lambda bound, x, *rest, **how: (x, False, 0))
+    fit = output_error._OutputError(model, np.ones(1), np.ones(0), (np.zeros(0), np.zeros(0)))
+    bound, x = model.bind(np.zeros((0, 1))), np.ones((1, 2 * n))
+    bound(x[:, None])  # as Newton's method does
+    asked.clear()
+    x, ok = fit.run_from(bound, x, None)
+    assert ok and fit.jumps is not vectorised
+    np.testing.assert_allclose(x, np.concatenate(runs).T, atol=1e-9)
+    assert len(asked) < n / 4 if vectorised else len(asked) >= 2 * (n - 1)
