@@ -200,8 +200,10 @@ def _sets(costs, places=None):
     """A search over sets of named effects with known costs, by their names; each at a place of its own by default."""
 
     def one(names):
-        effects = (SimpleNamespace(name=n, kind="state", location=n if places is None else places[n]) for n in names)
-        found = SimpleNamespace(effects=tuple(effects), fit=SimpleNamespace(cost=costs[names]), left=9.0)
+        at = {n: n for n in names} if places is None else places
+        kinds = {n: "output" if at[n] == "sensor" else "state" for n in names}
+        effects = tuple(SimpleNamespace(name=n, kind=kinds[n], location=at[n], variable="v") for n in names)
+        found = SimpleNamespace(effects=effects, fit=SimpleNamespace(cost=costs[names]), left=9.0)
         found.candidate = found
         return found
 
@@ -214,10 +216,16 @@ def _sets(costs, places=None):
 
 @pytest.mark.parametrize(
     ("places", "tolerated", "left"),
-    [("xxx", 700.0, "a"), ("xxx", 300.0, "abc"), ("xxy", 700.0, "abc"), ("xyz", 700.0, "abc")],
+    [
+        ("xxx", 700.0, "a"),
+        ("xxx", 300.0, "abc"),
+        ("xxy", 700.0, "abc"),
+        ("xyz", 700.0, "abc"),
+        (["sensor"] * 3, 700.0, "abc"),
+    ],
 )
-def test_of_a_stack_at_one_place_one_is_enough_within_the_tolerance(monkeypatch, places, tolerated, left):
-    """An exchange that saturates is followed to the noise by an exchange, a square and a product."""
+def test_of_a_stack_of_laws_in_one_balance_one_is_enough_within_the_tolerance(monkeypatch, places, tolerated, left):
+    """An exchange that saturates is followed to the noise by an exchange, a square and a product; a grid and a lag of a sensor are two."""
     costs = {"abc": 100.0, "ab": 400.0, "ac": 450.0, "bc": 900.0, "a": 600.0, "b": 900.0}
     search, one = _sets(costs, dict(zip("abc", places)))
     search.tolerated_cost, final = tolerated, one("abc")

@@ -201,12 +201,12 @@ def _without_needless(search: OdeSearch, final: Evidence, whole: float) -> OdeCa
 def _of_which_one_is_enough(final: Evidence[OdeCandidate]) -> list[int]:
     """Positions of the effects that are forms of one law with another, or whose magnitudes these data do not show beside each other.
 
-    A stack of names at one place is an expansion of one law.
+    A stack of laws in one balance is an expansion of one of them.
     """
     pairs = combinations(range(len(final.effects)), 2)
     forms = {i for pair in pairs if of_one_law(*(final.effects[k] for k in pair)) for i in pair}
-    places = [(effect.kind, effect.location) for effect in final.effects]
-    stacked = (i for i, place in enumerate(places) if places.count(place) >= STACK)
+    balances = [e.location if e.kind == "state" and e.variable else None for e in final.effects]
+    stacked = (i for i, name in enumerate(balances) if name is not None and balances.count(name) >= STACK)
     return sorted(forms.union(not_sized_beside_others(final), stacked))
 
 
