@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from sksurrogate.effects._effect import BaseEffect
-from sksurrogate.gap.fit._closeness import MOST_LEFT
+from sksurrogate.gap.decide._one_curve import LARGEST_CORRECTION
 from sksurrogate.gap.fit._evidence import C
 from sksurrogate.gap.results._law import Law
 from sksurrogate.gap.search._base import BaseSearch
@@ -24,7 +24,7 @@ def is_like(effect: BaseEffect, law: Law) -> bool:
 
 
 def nearest_name(search: BaseSearch[C], law: Law) -> C | None:
-    """The single effect that comes nearest, fitted; None where each leaves more than :data:`MOST_LEFT` of the gap."""
+    """The single effect that comes nearest, fitted; None where each leaves more of the gap than a correction of its form may be."""
     alone = [one for keys, one in search.fitted.items() if len(keys) == 1 and is_like(one.effects[0], law)]
     nearest = min(alone, key=lambda one: one.fit.cost, default=None)
-    return nearest if nearest is not None and nearest.fit.cost < MOST_LEFT**2 * search.gap_cost else None
+    return nearest if nearest is not None and nearest.fit.cost < LARGEST_CORRECTION**2 * search.tolerated_cost else None
