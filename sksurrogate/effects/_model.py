@@ -340,7 +340,8 @@ class BoundModel:
         x, step = x.copy(), self.record.dt if self.a.plant.access == "step" else self.h
         for i, effect in enumerate(self.a.effects):
             if isinstance(effect, LimitEffect):
-                place, other = (self.a.plant.states.index(name) if name else None for name in effect.key[1:])
+                named = effect.location, effect.variable
+                place, other = (self.a.plant.states.index(name) if name else None for name in named)
                 theta = self._parameters[i]
                 how = effect, t - 0.5 * step, theta, 0.5 * step
                 limited, received = effect.clip(x[place], None if other is None else x[other], theta, final)

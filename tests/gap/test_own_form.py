@@ -59,6 +59,14 @@ def test_a_law_of_the_own_place_and_signal_speaks_against_a_name_beyond_a_correc
     assert (form_holds(LEAK, law, 0.1) > 0.9) == holds
 
 
+def test_a_force_that_depends_on_no_signal_and_a_parameter_have_no_form():
+    law, of_element = (
+        LawLeft(name, kind, name, size=0.3, spread=0.01) for name, kind in (("room", "state"), ("loss", "parameter"))
+    )
+    assert form_holds(CATALOGUE["step_disturbance"]("room"), law, 0.1) == 1.0
+    assert form_holds(CATALOGUE["parameter_error"]("loss"), of_element, 0.1) == 1.0
+
+
 def test_at_two_scales_of_the_prior_of_corrections_both_are_as_likely():
     assert form_holds(LEAK, LawLeft("room", "state", "room", size=0.2, spread=0.02), 0.1) == pytest.approx(0.5)
 

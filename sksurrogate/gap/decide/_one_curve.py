@@ -63,7 +63,8 @@ def form_holds(effect: BaseEffect, law: LawLeft, tolerance: float) -> float:
     """Probability that the law beside a name leaves the name its form.
 
     A name and a law of its own place and signal are one curve. A small law corrects the form of the name, for no form is exact; a larger one is
-    a curve of another form, of which the name is a part at best. Laws elsewhere say nothing of the name.
+    a curve of another form, of which the name is a part at best. Laws elsewhere say nothing of the name, nor does any law of a force that
+    depends on no signal. A parameter may be off whatever the law of its element.
 
     >>> from sksurrogate.effects import CATALOGUE
     >>> leak, law = CATALOGUE["sqrt_leak"]("speed", "speed"), LawLeft("speed", "state", "speed", size=0.3, spread=0.01)
@@ -71,6 +72,7 @@ def form_holds(effect: BaseEffect, law: LawLeft, tolerance: float) -> float:
     (True, 1.0)
     """
     signal = law.location, law.variable.removesuffix(AND_ITS_PAST)
-    if signal != place_and_signal(effect) or (law.kind == "output") != (effect.kind == "output"):
+    has_form = effect.kind in ("input", "output") or (effect.kind == "state" and effect.variable is not None)
+    if not has_form or signal != place_and_signal(effect) or (law.kind == "output") != (effect.kind == "output"):
         return 1.0
     return float(ndtr((LARGEST_CORRECTION * tolerance - law.size) / max(law.spread, LEAST_SPREAD)))
