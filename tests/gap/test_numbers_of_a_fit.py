@@ -123,17 +123,23 @@ def test_a_run_left_out_is_simulated_with_what_the_others_say(effect):
     np.testing.assert_allclose(other, U[0, :, 0], atol=1e-3)
 
 
-@pytest.mark.parametrize("sensor", [0, 1])
-def test_a_free_signal_at_a_sensor_is_its_own(sensor):
+def two_states_and_a_slow_signal(n=400):
+    """A plant, its generator of numbers, inputs, a signal of deviation 0.6 that is correlated over ten samples, and the sensors' noise."""
     plant = describe(
         ODESimulator(lambda t, x, u, p: (u[0] - p["k"] * x[0], x[0] - x[1]), states=["x", "z"], outputs=["x", "z"], **NAMES)
     )  # fmt: skip
-    rng, n, sd = np.random.default_rng(3), 400, np.array([0.05, 0.05])
-    U = np.repeat(rng.uniform(-1, 1, 40), 10)[:, None]
+    rng = np.random.default_rng(3)
+    U = np.repeat(rng.uniform(-1, 1, n // 10), 10)[:, None]
     slow = np.zeros(n)
-    for k in range(1, n):  # deviation 0.6, correlated over ten samples
+    for k in range(1, n):
         slow[k] = np.exp(-0.1) * slow[k - 1] + 0.6 * np.sqrt(1 - np.exp(-0.2)) * rng.normal()
-    Y = plant.simulator.simulate(U) + sd * rng.normal(size=(n, 2))
+    return plant, rng, U, slow, np.array([0.05, 0.05])
+
+
+@pytest.mark.parametrize("sensor", [0, 1])
+def test_a_free_signal_at_a_sensor_is_its_own(sensor):
+    plant, rng, U, slow, sd = two_states_and_a_slow_signal()
+    Y = plant.simulator.simulate(U) + sd * rng.normal(size=(len(U), 2))
     Y[:, sensor] += slow
     problem, _ = build_problem(plant, PlantModel(plant), record_of([U], [Y]), (), ("x", "z"))
     null = problem.fit((), np.zeros(0), problem.run)
@@ -150,15 +156,8 @@ def test_a_free_signal_at_a_sensor_is_its_own(sensor):
 
 
 def test_a_free_signal_in_a_balance_is_a_force_and_no_noise_of_a_sensor():
-    plant = describe(
-        ODESimulator(lambda t, x, u, p: (u[0] - p["k"] * x[0], x[0] - x[1]), states=["x", "z"], outputs=["x", "z"], **NAMES)
-    )  # fmt: skip
-    rng, n, sd = np.random.default_rng(3), 400, np.array([0.05, 0.05])
-    U = np.repeat(rng.uniform(-1, 1, 40), 10)[:, None]
-    slow = np.zeros(n)
-    for k in range(1, n):  # deviation 0.6, correlated over ten samples
-        slow[k] = np.exp(-0.1) * slow[k - 1] + 0.6 * np.sqrt(1 - np.exp(-0.2)) * rng.normal()
-    Y = plant.simulator.simulate(U + slow[:, None]) + sd * rng.normal(size=(n, 2))
+    plant, rng, U, slow, sd = two_states_and_a_slow_signal()
+    Y = plant.simulator.simulate(U + slow[:, None]) + sd * rng.normal(size=(len(U), 2))
     problem, _ = build_problem(plant, PlantModel(plant), record_of([U], [Y]), (), ("x", "z"))
     null = problem.fit((), np.zeros(0), problem.run)
     D = null.disturbance.with_forces(null.disturbance.B.transpose(1, 2, 0)[:, :1])

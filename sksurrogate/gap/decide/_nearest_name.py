@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from sksurrogate.effects._effect import BaseEffect
-from sksurrogate.gap.decide._one_curve import LARGEST_CORRECTION
+from sksurrogate.gap.decide._one_curve import LARGEST_CORRECTION, is_at
 from sksurrogate.gap.fit._evidence import C
 from sksurrogate.gap.results._law import Law
 from sksurrogate.gap.search._base import BaseSearch
@@ -18,9 +18,7 @@ def is_like(effect: BaseEffect, law: Law) -> bool:
     >>> [is_like(CATALOGUE[name](at), law) for name, at in (("input_saturation", "force"), ("sensor_gain", "force"))]
     [True, False]
     """
-    location, signal = place_and_signal(effect)
-    same = location == law.location and (effect.kind == "output") == (law.kind == "output")
-    return same and not set(signal.split("*")).isdisjoint(law.variables)
+    return is_at(effect, law) and not set(place_and_signal(effect)[1].split("*")).isdisjoint(law.variables)
 
 
 def nearest_name(search: BaseSearch[C], law: Law) -> C | None:

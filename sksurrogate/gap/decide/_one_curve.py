@@ -11,14 +11,13 @@ from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.gap.decide._intervals import intervals, not_sized
 from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.fit._ode import OdeCandidate
+from sksurrogate.gap.results._law import Law
 from sksurrogate.gap.unnamed._law_evidence import place_and_signal
 from sksurrogate.gap.unnamed._law_left import LawLeft
 from sksurrogate.gap.unnamed._law_shapes import AND_ITS_PAST
 
 #: A law that corrects the form of a name is half normal before any data, with the tolerance as its scale: so many scales hold 95 %.
 LARGEST_CORRECTION = 2.0
-#: Smallest spread of a size, over the gap's.
-LEAST_SPREAD = 1e-6
 
 
 def moved_by(candidate: OdeCandidate) -> list[np.ndarray | None]:
@@ -59,6 +58,17 @@ def _size(outputs: np.ndarray) -> float:
     return float(np.linalg.norm(outputs))
 
 
+def is_at(effect: BaseEffect, law: Law | LawLeft) -> bool:
+    """Whether an effect acts where a law does: a sensor and a balance may have one name.
+
+    >>> from sksurrogate.effects import CATALOGUE
+    >>> law = LawLeft("level", "state", "level")
+    >>> is_at(CATALOGUE["linear_loss"]("level", "level"), law), is_at(CATALOGUE["sensor_gain"]("level"), law)
+    (True, False)
+    """
+    return effect.location == law.location and (effect.kind == "output") == (law.kind == "output")
+
+
 def form_holds(effect: BaseEffect, law: LawLeft, tolerance: float) -> float:
     """Probability that the law beside a name leaves the name its form.
 
@@ -71,8 +81,8 @@ def form_holds(effect: BaseEffect, law: LawLeft, tolerance: float) -> float:
     >>> form_holds(leak, law, 0.1) < 1e-9, form_holds(leak, LawLeft("speed", "state", "force", size=0.3), 0.1)
     (True, 1.0)
     """
-    signal = law.location, law.variable.removesuffix(AND_ITS_PAST)
-    has_form = effect.kind in ("input", "output") or (effect.kind == "state" and effect.variable is not None)
-    if not has_form or signal != place_and_signal(effect) or (law.kind == "output") != (effect.kind == "output"):
+    without_form = effect.kind == "parameter" or (effect.kind == "state" and effect.variable is None)
+    own = is_at(effect, law) and place_and_signal(effect)[1] == law.variable.removesuffix(AND_ITS_PAST)
+    if without_form or not own:
         return 1.0
-    return float(ndtr((LARGEST_CORRECTION * tolerance - law.size) / max(law.spread, LEAST_SPREAD)))
+    return float(ndtr((LARGEST_CORRECTION * tolerance - law.size) / max(law.spread, 1e-300)))
