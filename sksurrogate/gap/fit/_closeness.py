@@ -45,6 +45,15 @@ def is_at_noise(cost: float, n_values: int) -> bool:
     return cost <= AT_THE_NOISE**2 * n_values
 
 
+def below_noise(left: float, n_values: int) -> bool:
+    """Whether a fit leaves less than the noise would by chance: the noise is at its least, and what is left is of the numerics.
+
+    >>> below_noise(0.97, 1000), below_noise(0.9, 1000)
+    (False, True)
+    """
+    return left**2 < 1.0 - BEYOND_CHANCE * (2.0 / n_values) ** 0.5
+
+
 def worth_following(best: float, n_values: int) -> float:
     """The cost that a fit must come to beside the ``best`` so far: near it, or to the noise where that is there.
 

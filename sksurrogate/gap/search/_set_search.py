@@ -12,7 +12,15 @@ import numpy as np
 
 from sksurrogate.gap.fit._backend import BaseCandidate
 from sksurrogate.gap.fit._closed_loop import may_follow_noise
-from sksurrogate.gap.fit._closeness import AT_THE_NOISE, FAR, FAR_BY_COST, NEARLY_WHITE, SETTLED, is_at_noise
+from sksurrogate.gap.fit._closeness import (
+    AT_THE_NOISE,
+    FAR,
+    FAR_BY_COST,
+    NEARLY_WHITE,
+    SETTLED,
+    below_noise,
+    is_at_noise,
+)
 from sksurrogate.gap.fit._evidence import CERTAIN, C, Evidence, arrived, estimate_noise, follow_null, gain_by_size
 from sksurrogate.gap.fit._prior import moved_far
 from sksurrogate.gap.search._base import Wanted
@@ -148,6 +156,8 @@ class SetSearch(SetMoves[C]):
         Others are extended where the screen expects them to come as near as the nearest. None where none can pass.
         """
         left = self.judged[best].left
+        if passed and below_noise(left, self.n_values):
+            return []
         hopeless = self.hopeless if passed and left < AT_THE_NOISE else 0.0
         wanted = Wanted(4, 2, least=hopeless) if self.frugal else Wanted(8, 4, siblings=True, least=hopeless)
         trial = self.ranked(self.expand(best, wanted), best)

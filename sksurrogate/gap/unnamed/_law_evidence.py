@@ -352,7 +352,8 @@ class _Fit:
         base, record, sd = self.linear.base, self.linear.problem.record, self.linear.problem.sd
         small = float(np.logaddexp(one.small, alone - np.log(2.0)))
         weight = np.exp(one.large - np.logaddexp(small, one.large)) if one.small < alone else 1.0
-        size, spread = float(one.size * weight), float(one.spread)
+        size = float(one.size * weight)
+        spread = float(np.sqrt(weight * (one.spread**2 + one.size**2) - size**2))  # of the law's size or of none at all
         gain = 2.0 * (_of_any_size(one) - alone)
         F = self.moved(one)
         moved = record.rms(self.linear.projected(F[:, None]).reshape(F.shape)) * sd
