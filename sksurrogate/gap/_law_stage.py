@@ -8,6 +8,7 @@ from sksurrogate.effects._simulator import AugmentedSimulator
 from sksurrogate.gap._state import DiagnosisState
 from sksurrogate.gap.decide._held_out import HeldOut
 from sksurrogate.gap.decide._law_certificate import CertifiedLaw, law_of, share_of_law, takes_the_place
+from sksurrogate.gap.decide._one_curve import LARGEST_CORRECTION
 from sksurrogate.gap.decide._rules import first_rule
 from sksurrogate.gap.fit._closeness import NEARLY_WHITE
 from sksurrogate.gap.fit._evidence import C, Evidence
@@ -37,7 +38,7 @@ class LawStage(DiagnosisState[C]):
         rule, beside, rest = first_rule(features), None, None
         if rule.withdraws:
             self.withdraw_names(LEAVE_A_LAW)
-        elif self.names_may_imitate(rule.verdict):
+        elif self.names_may_imitate(rule.verdict, features.share_left):
             beside, rest = self.law_in_place_of_names(found.held, rule.verdict)
         if beside is None and rule.law and rule.verdict in ("partial", "unknown"):
             base = self.final if rule.verdict == "partial" else self.null
@@ -55,11 +56,13 @@ class LawStage(DiagnosisState[C]):
         asked = {(effect.name, effect.location) for effect in self.search.library}
         return law.is_constant and (CONSTANTS[law.kind], law.location) in asked
 
-    def names_may_imitate(self, verdict: str) -> bool:
+    def names_may_imitate(self, verdict: str, share_left: float) -> bool:
         """Whether one effect without a name may be behind all names: they leave more than the tolerance, are a stack, or leave more than
-        noise from several places or signals.
+        noise from several places or signals. One name that leaves no more than a correction of its form does not imitate.
         """
         effects = self.final.effects
+        if len(effects) == 1:
+            return verdict == "partial" and share_left > LARGEST_CORRECTION * self.search.tolerance
         apart = len({place_and_signal(effect) for effect in effects}) > 1 and self.final.left > NEARLY_WHITE
         return verdict == "partial" or (verdict == "explained" and (len(effects) >= STACK or apart))
 
