@@ -104,7 +104,7 @@ def test_one_formula_takes_the_place_of_several_names_only_where_it_is_clearly_l
     ("places", "left", "share_left", "rule", "bases"),
     [("aab", 3.0, 0.3, "imitations", ["null"]), ("ab", 3.0, 0.3, "law_left", ["null", "final"]), ("aaa", 3.0, 0.05, "closed", ["null"]),
      ("aa", 3.0, 0.05, "closed", []), ("ab", 3.0, 0.05, "closed", ["null"]), ("ab", 1.0, 0.05, "closed", []),
-     ("a", 3.0, 0.3, "law_left", ["null", "final"]), ("a", 3.0, 0.05, "closed", [])],
+     ("a", 3.0, 0.3, "law_left", ["null", "final"]), ("a", 3.0, 0.15, "law_left", ["final"]), ("a", 3.0, 0.05, "closed", [])],
 )  # fmt: skip
 def test_three_names_that_leave_a_law_are_withdrawn_and_of_fewer_one_law_may_take_the_place(
     places, left, share_left, rule, bases
@@ -113,7 +113,7 @@ def test_three_names_that_leave_a_law_are_withdrawn_and_of_fewer_one_law_may_tak
     names = [SimpleNamespace(name=f"effect_{i}", location=place, variable="v") for i, place in enumerate(places)]
     stage = LawStage.__new__(LawStage)
     null, final = SimpleNamespace(effects=[]), SimpleNamespace(effects=names, left=left)
-    stage.search = SimpleNamespace(standing=final, fitted_null=null)
+    stage.search = SimpleNamespace(standing=final, fitted_null=null, tolerance=0.1)
     stage.found = SimpleNamespace(held=object(), shrink=SimpleNamespace(measurable=True))
     features = DecisionFeatures(
         names=len(names), share_left=share_left, left=left, lawful=share_left, error=0.5, after=0.2
