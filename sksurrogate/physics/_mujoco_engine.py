@@ -77,6 +77,8 @@ class Engine:
     timestep : float
     markov : bool
         Whether positions, velocities and activations are the whole state (no delays, plastic joints, plugins).
+    accurate : bool
+        Whether the model's steps are of order four, and no position is a quaternion: shorter or longer ones lead to the same.
     """
 
     def __init__(self, model: Any, n_threads: int):
@@ -92,6 +94,7 @@ class Engine:
         mujoco.mj_getState(stepped, self._data[0], self.rest, full)
         self.n_states = len(self.layout.states)
         self.markov = len(self.rest) == 1 + self.n_states
+        self.accurate = model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4 and model.nq == model.nv
         self._pool = require("mujoco.rollout", "mujoco").Rollout(nthread=n_threads if n_threads > 1 else 0)
         self._process, self.n_threads = os.getpid(), n_threads
 

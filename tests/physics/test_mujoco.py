@@ -105,6 +105,14 @@ def points(simulator, shape, seed=0):
     return rng.normal(size=(len(simulator.states), *shape)), rng.normal(size=(len(simulator.inputs), *shape))
 
 
+def rk4_step(rate, x, h):
+    """A step of Runge and Kutta's method."""
+    a = rate(x)
+    b = rate(x + h / 2 * a)
+    c = rate(x + h / 2 * b)
+    return x + h / 6 * (a + 2 * b + 2 * c + rate(x + h * c))
+
+
 def own_loop(simulator, U, n_steps):
     """States by MuJoCo's own loop."""
     model = mujoco.MjModel.from_xml_string(simulator.model)
@@ -347,6 +355,23 @@ def test_the_own_step_is_what_a_diagnosis_uses():
     assert not hasattr(AugmentedSimulator(arm()), "rhs")
     local = linearise(arm(), np.zeros(4), np.zeros(2))
     np.testing.assert_allclose(local.A[:2, 2:], 0.002 * local.A[2:, 2:], atol=1e-9)  # semi-implicit: q += h v(later)
+
+
+@pytest.mark.parametrize("integrator", ["Euler", "RK4"])
+def test_steps_of_order_four_are_the_forward_dynamics_and_others_are_a_simulator_of_their_own(integrator):
+    """A sample of 20 ms in steps of 2 ms, and by the forward dynamics: to the error of RK4, or to that of a step of order one."""
+    simulator = arm(integrator=integrator)
+    x, u = points(simulator, (5,))
+    by_steps, by_rates = simulator.step(0.0, x, u, {}, 0.02), x
+    for _ in range(40):
+        by_rates = rk4_step(lambda x: simulator.rhs(0.0, x, u, {}), by_rates, 0.02 / 40)
+    apart = np.abs(by_steps - by_rates).max()
+    assert (apart < 1e-6, apart > 1e-4) == ((True, False) if integrator == "RK4" else (False, True))
+    assert describe(simulator).access == ("rhs" if integrator == "RK4" else "step")
+
+
+def test_positions_that_are_quaternions_keep_the_own_step():
+    assert describe(MuJoCoSimulator(SCENE.replace("<mujoco>", '<mujoco><option integrator="RK4"/>'))).access == "step"
 
 
 def test_delayed_actuators_are_simulated_by_trajectories_only():
