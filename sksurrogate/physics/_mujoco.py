@@ -85,12 +85,12 @@ class MuJoCoSimulator(NamedModel):
 
     Notes
     -----
-    ``simulate`` takes the same steps as ``mujoco.mj_step``: same integrator, same timestep, same numbers. A diagnosis uses this step
-    (``exact_step``), but with ``integrator="RK4"`` the forward dynamics, which these steps solve accurately: it takes as few as the noise
-    allows. ``rhs`` is the forward dynamics, the limit of short steps: the same as
-    ``mujoco.mj_forward``. Points and runs go through MuJoCo's batched rollout, with one copy of the model for each set of
-    parameters. Models with a memory beyond these states (delayed actuators or sensors, plastic joints, plugins) give
-    trajectories only. Inputs are held over a sample. A sensor's row k is its reading at the state and input of row k.
+    ``simulate`` takes the same steps as ``mujoco.mj_step``: same integrator, same timestep, same numbers. ``rhs`` is the forward
+    dynamics, the limit of short steps: the same as ``mujoco.mj_forward``. A diagnosis uses the steps (``exact_step``), but with
+    ``integrator="RK4"``, which solves the forward dynamics accurately, these: as few steps as the noise allows. Points and runs go through
+    MuJoCo's batched rollout, with one copy of the model for each set of parameters. Models with a memory beyond these states (delayed
+    actuators or sensors, plastic joints, plugins) give trajectories only. Inputs are held over a sample. A sensor's row k is its
+    reading at the state and input of row k.
 
     Elements without a name are called ``joint0``, ``body1``, ``actuator2`` by their kind and number.
 
@@ -164,11 +164,6 @@ class MuJoCoSimulator(NamedModel):
         """Ranges of parameters that cannot be negative: damping, dry friction and armature of joints."""
         known = self._engine().parameters
         return {name: (0.0, np.inf) for name in self.params if known[name].not_negative}
-
-    @property
-    def exact_step(self) -> bool:
-        """Whether the model's own step is more than an accurate solution of its forward dynamics: it is not where that is of order four."""
-        return not self._engine().accurate
 
     # ---- points -----------------------------------------------------------------------------------------------------
     @available_if(_is_markov)

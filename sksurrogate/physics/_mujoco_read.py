@@ -187,6 +187,11 @@ class NamedModel(ParametricSimulator):
         """Step of the model's integrator."""
         return self._engine().timestep
 
+    @property
+    def exact_step(self) -> bool:
+        """Whether the model's own step is more than an accurate solution of its forward dynamics: it is not where that is of order four."""
+        return not self._engine().accurate
+
     def keyframe(self, name: str) -> np.ndarray:
         """State (n_states,) of a keyframe of the model, to be given as ``x0``.
 
