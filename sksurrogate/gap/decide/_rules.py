@@ -40,6 +40,7 @@ class DecisionFeatures:
     #: deviation
     curve: float = -np.inf
     curve_moved: float = 0.0
+    repeats: bool = True  #: Whether a law that was looked for closes a practical share on runs left out
     rounding: float = 0.0  #: Error of a coarse grid of readings that nothing names, over the deviation of the output
     noisy_input: bool = False  #: Whether the gap is no larger than the noise of a measured input makes it
     #: Whether the simulator alone explains the record with its time or readings in another unit
@@ -162,9 +163,9 @@ RULES: tuple[Rule, ...] = (
     Rule("noisy_input", lambda f: f.noisy_input, "none", "The noise of a measured input makes up the gap."),
     Rule(
         "unnamed_law",
-        lambda f: f.curve > CERTAIN and f.curve_moved > PRACTICAL,
+        lambda f: f.curve > CERTAIN and f.curve_moved > PRACTICAL and f.repeats,
         "unknown",
-        "The gap follows a law of the signals for certain, and no effect has its form.",
+        "The gap follows a law of the signals for certain, on runs left out too, and no effect has its form.",
     ),
     Rule(
         "unnamed_and_far",
