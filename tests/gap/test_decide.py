@@ -124,8 +124,8 @@ def test_a_law_that_is_not_certain_may_be_chance():
 
 def test_a_law_that_closes_nothing_on_runs_left_out_does_not_repeat():
     """What wanders may look like a law of the signals of these runs. A gap that is far and no disturbance stays unknown."""
-    gap = DecisionFeatures(error=0.05, left=1.3, curve=40.0, curve_moved=0.02, repeats=False)
-    assert rule_of(gap) == "none"
+    gap = DecisionFeatures(error=0.05, after=0.05, left=1.3, curve=40.0, curve_moved=0.02, lawful=0.2, repeats=False)
+    assert rule_of(gap) == rule_of(replace(gap, left=8.0)) == "none"
     assert rule_of(replace(gap, error=0.5, after=0.5, left=8.0)) == "unnamed_and_far"
 
 

@@ -89,8 +89,8 @@ def certain(f: DecisionFeatures) -> bool:
 
 
 def leaves_a_disturbance(f: DecisionFeatures) -> bool:
-    """What is left follows no law, and it is small beside the outputs."""
-    return f.lawful <= f.tolerance and f.after < LARGEST_DISTURBANCE
+    """What is left follows no law that repeats, and it is small beside the outputs."""
+    return (f.lawful <= f.tolerance or not f.repeats) and f.after < LARGEST_DISTURBANCE
 
 
 RULES: tuple[Rule, ...] = (
