@@ -4,7 +4,9 @@ Newton cannot close is looped."""
 import numpy as np
 import pytest
 
+from sksurrogate.blind import draw
 from sksurrogate.effects import CATALOGUE
+from sksurrogate.gap import GapDiagnoser
 from sksurrogate.gap.decide._held_out import held_out, without_names
 from sksurrogate.gap.fit._build import build_problem
 from sksurrogate.gap.search._fit_from_starts import fit_last
@@ -53,6 +55,15 @@ def test_a_limited_rate_is_found_from_above(problem, factor):
     # The recorded staircase of the input lags the sine by half a sample; the limit of the smooth sine is a little larger.
     assert found.fit.theta[0] == pytest.approx(LIMIT, rel=0.05)
     assert found.fit.cost < 0.02 * null.fit.cost
+
+
+def test_the_time_of_a_jump_stays_within_the_runs():
+    case = draw("effect", 13087388302232808345)  # the rate of a reactor jumps at 6.67
+    question, (truth,) = case.question, case.truths
+    diagnoser = GapDiagnoser(question.simulator, effects=["parameter_step"], n_jobs=1, random_state=0)
+    (found,) = diagnoser.fit(question.X, question.y, groups=question.groups).report_.effects
+    assert (found.name, found.location) == (truth.name, truth.location) == ("parameter_step", "second")
+    assert found.params["time"] == pytest.approx(truth.params["time"], abs=0.05)
 
 
 def cell(t, x, u, p):

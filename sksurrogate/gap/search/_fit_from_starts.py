@@ -81,7 +81,7 @@ def fit_last(
 
     A reading that jumps is fitted as a soft staircase first, and from the free run: smoothed states follow the steps. One
     that hides the sign is fitted from the simulator's own run too: states read off it have the wrong sign in places. A step of an
-    input is fitted from the free run too, and an effect that begins: they must not follow a path that is not a free run yet.
+    input is fitted from the free run too, and an effect that begins or jumps: they must not follow a path that is not a free run yet.
     """
     last, run = effects[-1], base.x[: len(problem.plant.states)]
     place = problem.augmented(effects).slice_of(len(effects) - 1)
@@ -93,7 +93,7 @@ def fit_last(
     if isinstance(last, LimitEffect):
         return fit_limit(problem, effects, theta, x, base, best)
     steps = bool(last.scan(list(theta[place])))
-    if not steps and not isinstance(last, Starting):
+    if not steps and not any(parameter.jumps for parameter in last.parameters):
         return problem.fit(effects, theta, x, best=best, fallback=run)
     if not steps or last.kind != "output":
         tries = [problem.fit(effects, theta, x, best=best, fallback=run)]
