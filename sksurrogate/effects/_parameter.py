@@ -81,7 +81,7 @@ class ParameterDrift(ParameterEffect):
 class ParameterDependence(ParameterEffect):
     """A parameter depends on a signal: ``p (1 + c v + c2)``, as a heat transfer on a flow or an inductance on its current.
 
-    It is asked where something without a name remains beside all other effects.
+    It is asked where something without a name remains beside all other effects, and where it does the same as what is named.
     """
 
     name = "parameter_dependence"
@@ -92,6 +92,7 @@ class ParameterDependence(ParameterEffect):
     equation = "p (1 + c v + c2)"
     signature = "a residual as that of a wrong parameter, whose size goes with a signal"
     twins = ("parameter_error", "bilinear", "quadratic_loss", "input_curve", "sensor_nonlinearity")
+    nests = ("parameter_error",)
     access = "step"
 
     @classmethod

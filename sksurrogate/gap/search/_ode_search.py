@@ -11,16 +11,18 @@ import numpy as np
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.effects._whole_step import has_own_steps
 from sksurrogate.gap.fit._closeness import MOST_LEFT, SETTLED
-from sksurrogate.gap.fit._evidence import Evidence, follow_null
+from sksurrogate.gap.fit._evidence import Evidence, estimate_noise, follow_null
 from sksurrogate.gap.fit._ode import FIT_STEPS, OdeCandidate
 from sksurrogate.gap.fit._prior import prior_cost
 from sksurrogate.gap.fit._probe import probe_of
 from sksurrogate.gap.screen._screen import screen
 from sksurrogate.gap.screen._shortlist import MOST_LISTED
+from sksurrogate.gap.screen._twins import twins
 from sksurrogate.gap.search._base import EQUAL, Wanted
 from sksurrogate.gap.search._expander import SEARCH_SHARPNESS, SEARCH_SUBSTEPS, Expander
 from sksurrogate.gap.search._fit_from_starts import best_starts, cheapest, mean_start, numerics_matter, open_null
 from sksurrogate.gap.search._kink_width import rounded
+from sksurrogate.gap.search._nested import richer
 from sksurrogate.gap.search._onsets import look_for_onsets, twins_with_onset
 from sksurrogate.gap.search._restart import line_searched, restarted
 from sksurrogate.gap.search._set_search import COMES_BACK
@@ -77,21 +79,40 @@ class OdeSearch(Expander):
     def run(self) -> Evidence:
         """The whole search; it goes on with the effects left for later that are expected to close most of what the named ones leave.
 
-        Where names leave no more than noise it is made anew with those of which one may stand in the place of several.
+        Names that leave no more than noise meet those that do what some of them do; where simulations are dear, only several names.
         """
-        found, null = super().run(), self.fitted_null.candidate
-        near = found.left < SETTLED
-        if not self.later_asked or len(found.effects) < (2 if near else 1):
+        found = super().run()
+        if not self.later_asked or not found.effects:
             return found
-        likely = self.late_ones(null if near else found.candidate, found.candidate.fit.cost)
-        if not likely:
-            return found
-        self.report("effects that were left for later")
-        self.ask_now(likely)
-        if near:
-            return super().run()
-        self.grow(found.candidate, True, null)
+        if found.left < SETTLED:
+            return found if self.frugal and len(found.effects) == 1 else self.met_late_ones(found)
+        likely = self.late_ones(found.candidate, found.candidate.fit.cost)
+        if likely:
+            self.report("effects that were left for later")
+            self.ask_now(likely)
+            self.grow(found.candidate, True, self.fitted_null.candidate)
         return self.standing
+
+    def met_late_ones(self, found: Evidence[OdeCandidate]) -> Evidence[OdeCandidate]:
+        """What stands once effects left for later were fitted in the place of names that they do the same as.
+
+        One stands in the place of several where these are not worth their number; between one and another the posterior decides.
+        """
+        named, late = found.candidate, list(self.later_asked.values())
+        for places, effect, theta in twins(named, late, self.guess(named), EQUAL):
+            if len(places) == 1 and richer(effect, named.effects[places[0]]):
+                continue  # it contains the named one: what it adds has been found not to be needed
+            rest, values = named.without_effect(*places)
+            n = len(values) - len(self.problem.free)
+            start = np.concatenate([values[:n], theta, values[n:]])
+            one = named.problem.fit((*rest, effect), start, named.fit.x[: named.model.n_nominal], open_steps=0)
+            if one is None or not self.plausible(one):
+                continue
+            self.remember([one])
+            if len(places) > 1 and not self.passes(named, self.judge(estimate_noise(one, found.noise)).candidate, True):
+                del self.later_asked[effect.key]
+                return self.met_late_ones(self.judged[self.stand(self.polish(one))])
+        return found
 
     def singles(self, null: OdeCandidate) -> list[OdeCandidate]:
         """The null with one effect; those left for later too that are expected to close most of what the best of the others leaves."""
@@ -170,8 +191,9 @@ class OdeSearch(Expander):
             candidates = self.expand(base, Wanted(8, 2, thorough=False))
         else:
             candidates = self.expand(base, Wanted(24, 10, siblings=True, best=final.fit.cost))
-        if single:  # those of the search may have started at other re-tuned parameters
-            candidates.extend(self.first_round)
+        # those of the search may have started at other re-tuned parameters
+        known = [one for one in self.fitted.values() if one.keys[:-1] == base.keys]
+        candidates.extend(one for one in known if self.plausible(one))
         if self.first_screen is not None:
             candidates.extend(
                 self.with_onset(base, twins_with_onset(self.first_screen, final.effects[i], named.theta_of(i)), named)

@@ -1,0 +1,58 @@
+"""Names meet the effects that are asked late and do the same: closed forms in one balance, where a parameter that depends on a signal is
+a product of signals, or a product and a wrong parameter."""
+
+import numpy as np
+import pytest
+
+from sksurrogate.effects import CATALOGUE, AugmentedSimulator
+from sksurrogate.gap import GapDiagnoser
+from sksurrogate.physics import ODESimulator
+
+DT, N, RUNS = 0.1, 200, 3
+NAMES = ["bilinear", "linear_loss", "quadratic_loss", "parameter_error", "parameter_dependence"]
+DEPENDENCE = ("parameter_dependence", "k", "u")
+
+
+def tanks(t, x, u, p):
+    return p["feed"] - p["k"] * x[0] + 0.3 * u[0], x[0] - 0.8 * x[1]
+
+
+def simulator():
+    return ODESimulator(
+        tanks, states=["x", "y"], inputs=["u"], outputs=["x", "y"], params={"k": 0.7, "feed": 1.0}, dt=DT
+    )
+
+
+def reported(effects, values, seed=0):
+    rng = np.random.default_rng(seed)
+    plant = AugmentedSimulator(simulator(), effects, values)
+    U = np.repeat(rng.uniform(-1.0, 1.0, (RUNS, N // 10, 1)), 10, axis=1)
+    Y = np.stack([plant.simulate(u, x0=[1.0, 1.0]) for u in U])
+    Y = Y + 0.01 * rng.normal(size=Y.shape)
+    diagnoser = GapDiagnoser(simulator(), effects=NAMES, n_jobs=1, random_state=0)
+    return diagnoser.fit(U.reshape(-1, 1), Y.reshape(-1, 2), groups=np.repeat(np.arange(RUNS), N)).report_
+
+
+def keys(effect):
+    return {(effect.name, effect.location, effect.variable), *(tuple(one[:3]) for one in effect.equivalents)}
+
+
+@pytest.mark.parametrize("offset", [0.002, -0.001])
+def test_a_dependence_is_of_the_class_of_the_product_that_does_the_same(offset):
+    # - k (1 + c u + c2) x = - k x - k c u x, but for a c2 that these data hardly show
+    report = reported([CATALOGUE["parameter_dependence"]("k", "u")], [{"slope": 0.3, "relative_error": offset}])
+    assert report.verdict == "explained" and len(report.effects) == 1
+    assert keys(report.effects[0]) >= {("bilinear", "x", "u*x"), DEPENDENCE}
+
+
+def test_a_dependence_takes_the_place_of_two_names_beside_a_third():
+    # - k (1 + c u + c2) x = - k x - k c u x - k c2 x: a product and a wrong parameter
+    report = reported(
+        [CATALOGUE["parameter_dependence"]("k", "u"), CATALOGUE["quadratic_loss"]("y", "y")],
+        [{"slope": 0.3, "relative_error": 0.2}, {"coefficient": 0.1}],
+    )
+    assert report.verdict == "explained" and len(report.effects) == 2
+    found = [keys(effect) for effect in report.effects]
+    assert any(DEPENDENCE in one for one in found) and any(("quadratic_loss", "y", "y") in one for one in found)
+    slope, offset = next(e.params for e in report.effects if e.name == "parameter_dependence").values()
+    assert (slope, offset) == (pytest.approx(0.3, abs=0.01), pytest.approx(0.2, abs=0.01))
