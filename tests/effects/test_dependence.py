@@ -122,7 +122,7 @@ def test_it_may_depend_on_a_state_that_is_not_measured():
     ]
 
 
-def test_it_is_not_asked_where_another_effect_explains_all(monkeypatch):
+def test_it_does_not_join_the_search_where_another_effect_explains_all(monkeypatch):
     from sksurrogate.gap.search._ode_search import OdeSearch
 
     def asked(self, base, left):
