@@ -98,7 +98,8 @@ class OdeSearch(Expander):
 
         One stands in the place of several where these are not worth their number; between one and another the posterior decides.
         """
-        named, late = found.candidate, list(self.later_asked.values())
+        named, several = found.candidate, len(found.effects) > 1
+        late = [effect for effect in self.later_asked.values() if effect.late or several]  # distant signals are many
         for places, effect, theta in twins(named, late, self.guess(named), EQUAL):
             if len(places) == 1 and richer(effect, named.effects[places[0]]):
                 continue  # it contains the named one: what it adds has been found not to be needed
