@@ -11,6 +11,7 @@ from functools import cached_property, partial
 
 import numpy as np
 
+from sksurrogate._parallel._worker_process import PendingAnswer
 from sksurrogate.effects._catalogue import name_of
 from sksurrogate.effects._ports import kind_at
 from sksurrogate.gap._law_stage import LawStage
@@ -20,14 +21,22 @@ from sksurrogate.gap.decide._choice_by_fold import names_by_fold
 from sksurrogate.gap.decide._equivalence import canonical_classes
 from sksurrogate.gap.decide._estimates import estimates, ranking
 from sksurrogate.gap.decide._experiment import next_experiment
-from sksurrogate.gap.decide._held_out import Baseline, held_out, likelier_held_out, notes_on_names, same_names, traces
+from sksurrogate.gap.decide._held_out import (
+    HeldOut,
+    held_out,
+    likelier_held_out,
+    notes_on_names,
+    same_names,
+    traces,
+    without_names,
+)
 from sksurrogate.gap.decide._nearest_name import nearest_name
 from sksurrogate.gap.decide._retuning import parameter_errors
 from sksurrogate.gap.decide._rules import certified, share_left
 from sksurrogate.gap.decide._run_to_run import differs, run_to_run
 from sksurrogate.gap.faults._record_book import faults_of
 from sksurrogate.gap.fit._closed_loop import LOOP, closed_loop
-from sksurrogate.gap.fit._closeness import FAR
+from sksurrogate.gap.fit._closeness import AT_THE_NOISE, FAR
 from sksurrogate.gap.fit._evidence import C, estimate_noise
 from sksurrogate.gap.render import _notes
 from sksurrogate.gap.render._report import GapReport
@@ -86,10 +95,11 @@ class DiagnosisPipeline(LawStage[C]):
             self.failed[question] = str(error)
 
     @cached_property
-    def baseline(self) -> Baseline:
-        """What needs no name."""
-        early = self.learner is None and self.search.later.apart
-        return Baseline(self.null, self.access.correction(self.learner), early, self.search.later)
+    def baseline(self) -> PendingAnswer[HeldOut]:
+        """Free runs on runs left out of what needs no name; a learner of the user's own stays in this process."""
+        correction = self.access.correction(self.learner) if self.null.left >= AT_THE_NOISE else None
+        ask = self.search.later.ask if self.learner is None else PendingAnswer[HeldOut]
+        return ask(partial(without_names, self.null.candidate, correction))
 
     # ---- the stages -------------------------------------------------------------------------------------------------
     def fit_null(self) -> None:
@@ -146,8 +156,7 @@ class DiagnosisPipeline(LawStage[C]):
             partial(next_experiment, final, found.classes, self.access.separations)
         )
         found.finals = names_by_fold(self.search, final, found.classes)
-        without = self.baseline.held(self.null, bool(final.effects))
-        found.held = held_out(found.finals, without, same_names(found.finals, final.candidate))
+        found.held = held_out(found.finals, self.baseline.answer(), same_names(found.finals, final.candidate))
 
     def look_at_what_is_left(self) -> None:
         """The force that the names leave, and how far the gap shrinks above the noise."""
@@ -168,7 +177,7 @@ class DiagnosisPipeline(LawStage[C]):
         where, noisy = "on runs left out", self.noisy_inputs
         if all(effect.kind == "input" and effect.location in noisy for effect in final.effects):
             where = "beyond what the noise of an input makes up"
-        elif certified(found.shrink, final.left, partial(likelier_held_out, final, held)):
+        elif certified(found.shrink, partial(likelier_held_out, final, held)):
             return
         self.withdraw(_notes.too_little([effect.name for effect in final.effects], where))
 

@@ -8,12 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from sksurrogate._parallel._worker_process import WorkerProcess
 from sksurrogate.effects._catalogue import name_of
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.gap.decide._generic_correction import Correction
 from sksurrogate.gap.fit._backend import BaseCandidate
-from sksurrogate.gap.fit._closeness import BEYOND_CHANCE, NOTHING_TO_LEARN
+from sksurrogate.gap.fit._closeness import BEYOND_CHANCE
 from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.fit._record_parts import blocked, run_folds
 from sksurrogate.gap.results._shrink import Shrink
@@ -37,8 +36,8 @@ class HeldOut:
     law: np.ndarray | None = None  #: (n_outputs, n_samples): with a law without a name
 
 
-def without_names(null: BaseCandidate) -> HeldOut:
-    """Free runs on runs left out of what needs no name: the simulator, ``after`` as ``before``, and re-tuning alone."""
+def without_names(null: BaseCandidate, correction: Correction | None = None) -> HeldOut:
+    """Free runs on runs left out of what needs no name: the simulator, ``after`` as ``before``, re-tuning alone, a generic correction."""
     record = blocked(null.problem.record)
     n_folds = int(run_folds(record).max()) + 1
     nominal, tuned = null.baselines(record)
@@ -46,7 +45,8 @@ def without_names(null: BaseCandidate) -> HeldOut:
     lost = ~np.isfinite(before)
     before[lost] = np.repeat(record.level[:, None], record.n_samples, axis=1)[lost]
     retuned = _or_else(_by_fold(record, [tuned] * n_folds), before)
-    return HeldOut(record, before, before, retuned, np.full_like(before, np.nan))
+    corrected = np.full_like(before, np.nan) if correction is None else correction(record, run_folds(record))
+    return HeldOut(record, before, before, retuned, corrected)
 
 
 def held_out(finals: Sequence[BaseCandidate], without: HeldOut, same_names: float = float("nan")) -> HeldOut:
@@ -233,38 +233,3 @@ def notes_on_names(
         if listed
         else []
     )
-
-
-class Baseline:
-    """Free runs on runs left out, of all that needs no name.
-
-    ``correction``: learned on some runs, free run on the others.
-    ``early``: whether it may be learned in a second process.
-    """
-
-    def __init__(self, null: Evidence, correction: Correction | None, early: bool, later: WorkerProcess):
-        self.correction = correction
-        at_once = correction if early and gap_to_learn(null) else None
-
-        def question() -> HeldOut:
-            held = without_names(null.candidate)
-            return held if at_once is None else corrected(held, at_once)
-
-        self._held = later.ask(question)
-
-    def held(self, null: Evidence, named: bool) -> HeldOut:
-        """The free runs; a correction has nothing to learn where nothing is ``named`` and the null is within the noise."""
-        held = self._held.answer()
-        if self.correction is None or not (named or gap_to_learn(null)):
-            return replace(held, corrected=np.full_like(held.before, np.nan))
-        return corrected(held, self.correction) if np.isnan(held.corrected).all() else held
-
-
-def gap_to_learn(null: Evidence) -> bool:
-    """Whether the simulator misses anything."""
-    return null.left >= NOTHING_TO_LEARN
-
-
-def corrected(held: HeldOut, correction: Correction) -> HeldOut:
-    """Beside the others the free runs of a generic correction."""
-    return replace(held, corrected=correction(held.record, run_folds(held.record)))

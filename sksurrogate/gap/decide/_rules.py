@@ -8,16 +8,14 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from sksurrogate.gap.decide._posterior import CERTAIN_NAME
-from sksurrogate.gap.fit._closeness import FAR, LARGEST_DISTURBANCE, MOST_LEFT, NEAR, NEARLY_WHITE, SETTLED
+from sksurrogate.gap.fit._closeness import FAR, LARGEST_DISTURBANCE, MOST_LEFT, NEAR, SETTLED
 from sksurrogate.gap.fit._evidence import CERTAIN
 from sksurrogate.gap.results._reasons import Reasons
 from sksurrogate.gap.results._shrink import Shrink
 from sksurrogate.gap.search._stopping import STACK
 
-#: Share of a small gap (error over the deviation of the outputs) beyond the noise that names must close.
-CERTIFICATE_OF_SMALL, SMALL_GAP = 0.6, 0.02
-#: A gap below this share of the outputs' deviation is of no practical size; one below :data:`SMALL_GAP` where it is near the noise.
-PRACTICAL = 0.005
+#: A gap below the first share of the outputs' deviation is of no practical size; one below the second where it is near the noise.
+PRACTICAL, SMALL_GAP = 0.005, 0.02
 
 
 @dataclass(frozen=True)
@@ -49,16 +47,12 @@ class DecisionFeatures:
     tolerance: float = 0.1  #: Share of the gap (amplitude) that a model may leave
 
 
-def certified(shrink: Shrink, left: float, likelier: Callable[[], bool]) -> bool:
+def certified(shrink: Shrink, likelier: Callable[[], bool]) -> bool:
     """Whether the effects close most of the gap on runs left out.
 
     ``likelier()``: whether runs left out are likelier with them; that counts where no gap is seen beyond the noise.
     """
-    if not np.isfinite(shrink.fraction):
-        return likelier()
-    if shrink.before < SMALL_GAP and left > NEARLY_WHITE:
-        return shrink.fraction > CERTIFICATE_OF_SMALL
-    return share_left(shrink) <= MOST_LEFT
+    return share_left(shrink) <= MOST_LEFT if np.isfinite(shrink.fraction) else likelier()
 
 
 def share_left(shrink: Shrink) -> float:
@@ -169,15 +163,9 @@ RULES: tuple[Rule, ...] = (
     ),
     Rule(
         "unnamed_and_far",
-        lambda f: f.left > FAR and not leaves_a_disturbance(f),
+        lambda f: f.left > NEAR and not leaves_a_disturbance(f),
         "unknown",
-        "The free run is far from the data, no effect explains it, and what is left is no disturbance.",
-    ),
-    Rule(
-        "unnamed_and_large",
-        lambda f: f.error > LARGEST_DISTURBANCE and f.left > NEAR,
-        "unknown",
-        "The free run is wrong by more than a disturbance, and no effect explains it.",
+        "The free run is off the data, no effect explains it, and what is left is no disturbance.",
     ),
     Rule("none", lambda f: True, "none", "Only noise and disturbance remain."),
 )

@@ -4,10 +4,8 @@ Levels of ``Evidence.left``, the RMS of the residual over the sensor noise of th
 """
 
 #: At the noise: no other set is looked for beside a name, names leave no law, and the law in their place is not asked for.
-#: Many names that leave more stand in for one that is missing.
+#: Many names that leave more stand in for one that is missing. A simulator this near has no gap that a correction could learn.
 AT_THE_NOISE = 1.02
-#: A simulator this near has no gap that a correction could learn.
-NOTHING_TO_LEARN = 1.05
 #: Names this near are all, where no further effect passes: pairs are not tried. Nothing is left to place: a rough look at the
 #: places will do, and a noise fit has taken no law for a force.
 SETTLED = 1.15

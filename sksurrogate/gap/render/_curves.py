@@ -55,7 +55,7 @@ def balance_axis(location: str, kind: str, report: ReportData) -> str:
     """What a term is added to, as the label of an axis."""
     if kind == "state":
         return labelled(f"d({location})/dt", derivative_unit(location, report.units))
-    return labelled(f"added to {location}", report.units.get(location, ""))
+    return labelled(f"added to {kind} {location}", report.units.get(location, ""))
 
 
 def form_of(effect: EffectEstimate) -> str:

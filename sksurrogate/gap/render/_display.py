@@ -10,10 +10,10 @@ from sklearn.utils.validation import check_is_fitted
 
 from sksurrogate.exceptions import require
 from sksurrogate.gap.render._budget import fills, listed_parts, part_name
+from sksurrogate.gap.render._curves import balance_axis
 from sksurrogate.gap.render._runs import fitted_name, near_readings, noise_of, run_error, worst_first
-from sksurrogate.gap.render._units import TIME, axis, derivative_unit, labelled, range_text
+from sksurrogate.gap.render._units import TIME, axis, range_text
 from sksurrogate.gap.render._waterfall import waterfall
-from sksurrogate.gap.results._missing_term import MissingTerm
 from sksurrogate.gap.results._report_data import ReportData
 from sksurrogate.gap.results._trace import Trace
 
@@ -250,15 +250,10 @@ class GapDisplay:
         curve = term.curves[0]
         ax.fill_between(curve.at, curve.low, curve.high, color="#0072b2", alpha=0.3, label="90 % band")
         ax.plot(curve.at, curve.value, color="#000000", label="missing term")
-        ax.set(xlabel=axis(curve.variable, self.report.units), ylabel=self._ylabel(term))
+        ax.set(
+            xlabel=axis(curve.variable, self.report.units), ylabel=balance_axis(term.location, term.kind, self.report)
+        )
         ax.legend(frameon=False)
-
-    def _ylabel(self, term: MissingTerm) -> str:
-        """What the missing term is added to: the balance of a state, an input or an output."""
-        units = self.report.units
-        if term.kind != "state":
-            return labelled(f"added to {term.kind} {term.location}", units.get(term.location, ""))
-        return labelled(f"d({term.location})/dt", derivative_unit(term.location, units))
 
 
 def _legend_above(ax: Any) -> None:
