@@ -76,13 +76,6 @@ def test_both_kinds_of_access_bound_parameters_alike():
     assert trajectory.bounds(effects)[0][0] == -0.3  # the clock of a sensor may be ahead
 
 
-@pytest.mark.parametrize("shown", [0.0, 0.4])
-def test_an_output_that_shows_an_input_at_once_is_seen_through_either_access(shown):
-    ode, trajectory, smoothed = problems(plant(shown))
-    assert ode.fit((), np.zeros(0), smoothed.x).shown_at_once("u") == (shown != 0)
-    assert trajectory.fit((), np.zeros(0)).shown_at_once("u") == (shown != 0)
-
-
 def test_two_names_are_found_and_settled_through_either_access():
     ode, trajectory, smoothed = problems(plant(), lambda y: 1.3 * y + 0.4)
     library = [CATALOGUE[name]("y") for name in ("sensor_gain", "sensor_bias", "sensor_drift")]

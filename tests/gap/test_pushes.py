@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sksurrogate.gap.fit._pushes import gain_of_forces, pushed_input
+from sksurrogate.gap.fit._pushes import gain_of_forces
 from sksurrogate.kernels.banded import recursion_band
 
 N, STARTS = 20_000, np.array([0, 9000])
@@ -18,8 +18,3 @@ def test_the_gain_of_a_force_is_the_deviation_that_it_causes(memory):
     expected = 3.0 / 2.0 * np.sqrt((1 + memory * a) / (1 - memory * a) / (1 - memory**2))
     assert gain[0] == pytest.approx(expected, rel=0.05)  # of 20 000 correlated samples
     assert gain[1] == pytest.approx(2.0 * expected, rel=0.05)
-
-
-def test_an_input_that_stands_still_is_pushed_too():
-    u, push = pushed_input(np.zeros((2, 5)), 1)
-    assert push > 0 and np.array_equal(u, np.array([np.zeros(5), np.full(5, push)]))

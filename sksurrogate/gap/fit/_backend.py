@@ -169,10 +169,6 @@ class BaseCandidate(ABC):
     def initial_states(self) -> np.ndarray:
         """Of the runs (n_runs, n_states); nan where the simulator is given none."""
 
-    @abstractmethod
-    def shown_at_once(self, name: str) -> bool:
-        """Whether an output of the simulator depends on an input in the same sample."""
-
     @property
     @abstractmethod
     def signals(self) -> dict[str, np.ndarray]:

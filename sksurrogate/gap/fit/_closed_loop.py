@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sksurrogate.gap.fit._backend import BaseCandidate
 from sksurrogate.gap.fit._normal_equations import unexplained
 from sksurrogate.kernels.linear_fit import linear_least_squares
 from sksurrogate.kernels.record import Record
@@ -56,7 +55,7 @@ def closed_loop(record: Record, y: np.ndarray, names: Sequence[str]) -> str | No
         left, calm = _foretold(own, move)
         if float(left[calm] @ left[calm]) <= 1e-10 * float(move[calm] @ move[calm]):
             continue  # the input foretells itself
-        if calm.sum() < FEWEST_MOVES or np.std(left[calm]) == 0:
+        if calm.sum() < FEWEST_MOVES:
             continue
         e = unexplained(own[calm], foreign[calm])
         z = left[calm] - left[calm].mean()
@@ -115,17 +114,3 @@ def _foretold(own: np.ndarray, move: np.ndarray) -> tuple[np.ndarray, np.ndarray
         calm = np.abs(left) <= JUMP_OF_INPUT * float(np.median(np.abs(left)))
         left = move - own @ linear_least_squares(own[calm], move[calm], rcond=1e-10)
     return left, np.abs(left) <= JUMP_OF_INPUT * float(np.median(np.abs(left)))
-
-
-def may_follow_noise(candidate: BaseCandidate, base: BaseCandidate) -> bool:
-    """Whether what a candidate adds to ``base`` at an input may only follow the noise that a controller puts into it.
-
-    Where an output shows an input at once and the input answers the output's noise at once, an effect on the input can
-    follow that noise, but it can remove no more than all of it.
-    """
-    added = {e.location for e in candidate.effects if e.kind == "input" and e.key not in base.keys}
-    problem = candidate.problem
-    if not added or base.fit.cost - candidate.fit.cost > problem.record.n_values:
-        return False
-    looped = closed_loop(problem.record, candidate.fit.y, problem.plant.inputs)
-    return looped in added and candidate.shown_at_once(str(looped))

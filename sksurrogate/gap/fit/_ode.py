@@ -19,7 +19,7 @@ from sksurrogate.gap.fit._coordinates import coordinates_of
 from sksurrogate.gap.fit._known_parameters import KnownParameters
 from sksurrogate.gap.fit._neighbours import Neighbours
 from sksurrogate.gap.fit._normal_equations import StartBasis, projected, start_bases
-from sksurrogate.gap.fit._pushes import REMEMBERED, pushed_input
+from sksurrogate.gap.fit._pushes import REMEMBERED
 from sksurrogate.gap.fit._recent import recent_property
 from sksurrogate.kernels.arrow import Arrow
 from sksurrogate.kernels.disturbance import Disturbance, Noise
@@ -210,13 +210,6 @@ class OdeCandidate(BaseCandidate):
 
     def initial_states(self) -> np.ndarray:
         return self.fit.x[: self.model.n_nominal, self.problem.record.starts].T
-
-    def shown_at_once(self, name: str) -> bool:
-        problem, record = self.problem, self.problem.record
-        x, nothing = self.fit.x[: len(problem.plant.states), None], np.zeros((len(problem.free), 1))
-        pushed = record.with_inputs(pushed_input(record.u, problem.plant.inputs.index(name))[0])
-        moved, y = (replace(problem, record=one).augmented(()).bind(nothing).outputs(x) for one in (pushed, record))
-        return not np.allclose(moved, y, rtol=1e-12, atol=0.0)
 
     @property
     def signals(self) -> dict[str, np.ndarray]:

@@ -25,19 +25,6 @@ def a_sample_later(change: np.ndarray, starts: np.ndarray) -> np.ndarray:
     return out
 
 
-def pushed_input(u: np.ndarray, i: int) -> tuple[np.ndarray, float]:
-    """The inputs (n_inputs, n_samples) with a share of its range added to one of them, and what was added.
-
-    >>> pushed, push = pushed_input(np.array([[1.0, 2.0]]), 0)
-    >>> pushed.tolist(), push
-    ([[1.001, 2.001]], 0.001)
-    """
-    push = COARSE_STEP * (float(np.ptp(u[i])) or 1.0)
-    out = u.copy()
-    out[i] += push
-    return out, push
-
-
 def gain_of_forces(
     band: np.ndarray, push: np.ndarray, C: np.ndarray, starts: np.ndarray, spread: np.ndarray
 ) -> np.ndarray:

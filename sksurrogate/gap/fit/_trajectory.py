@@ -17,7 +17,7 @@ from sksurrogate.gap.fit._backend import Backend, BaseCandidate
 from sksurrogate.gap.fit._known_parameters import PRIOR, KnownParameters
 from sksurrogate.gap.fit._linear_surrogate import LinearSurrogate
 from sksurrogate.gap.fit._normal_equations import project_starts, solve
-from sksurrogate.gap.fit._pushes import COARSE_STEP, REMEMBERED, pushed_input
+from sksurrogate.gap.fit._pushes import COARSE_STEP, REMEMBERED
 from sksurrogate.gap.fit._simulations import Simulations
 from sksurrogate.kernels.disturbance import Disturbance, Noise
 from sksurrogate.kernels.record import Record
@@ -81,13 +81,6 @@ class TrajectoryCandidate(BaseCandidate):
         y = self.problem.outputs(effects, theta)
         fit = TrajectoryFit(theta, y, J, self.problem.cost_of(y))
         return replace(self, effects=effects, fit=fit) if np.all(np.isfinite(y)) else None
-
-    def shown_at_once(self, name: str) -> bool:
-        """Whether an output moves with an input in the first sample of a run, before any state can."""
-        problem, record = self.problem, self.problem.record
-        u, _ = pushed_input(record.u, problem.plant.inputs.index(name))
-        moved, y = (problem.simulations.run(one, {}, problem.x0)[:, record.starts] for one in (u, record.u))
-        return not np.allclose(moved, y, rtol=1e-12, atol=0.0)
 
     @property
     def signals(self) -> dict[str, np.ndarray]:

@@ -6,7 +6,7 @@ import numpy as np
 
 from sksurrogate.effects._input import InputBias
 from sksurrogate.gap.fit._normal_equations import unexplained
-from sksurrogate.gap.fit._pushes import pushed_input
+from sksurrogate.gap.fit._pushes import COARSE_STEP
 from sksurrogate.gap.screen._responses import Responses
 from sksurrogate.kernels.banded import solve_adjoint
 
@@ -43,7 +43,7 @@ class Slopes:
         """Through the states of the next samples, and through the outputs that show the input at once."""
         s, problem, base = self.responses, self.responses.problem, self.responses.base
         bias = InputBias(name)
-        _, push = pushed_input(problem.record.u, problem.plant.inputs.index(name))
+        push = COARSE_STEP * (float(np.ptp(problem.record.u[problem.plant.inputs.index(name)])) or 1.0)
         theta = base.theta_with(np.array([push]))
         with np.errstate(all="ignore"):
             bound = problem.augmented((*base.effects, bias)).bind(theta[:, None])

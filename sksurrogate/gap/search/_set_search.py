@@ -11,7 +11,6 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from sksurrogate.gap.fit._backend import BaseCandidate
-from sksurrogate.gap.fit._closed_loop import may_follow_noise
 from sksurrogate.gap.fit._closeness import (
     AT_THE_NOISE,
     FAR,
@@ -55,8 +54,7 @@ class SetSearch(SetMoves[C]):
 
     def run(self) -> Evidence:
         null = (self.null or self.fit_null()).candidate
-        singles = self.ranked(self.singles(null), null)
-        self.first_round = [one for one in singles if not may_follow_noise(one, null)]
+        self.first_round = self.ranked(self.singles(null), null)
         if not self.first_round:
             return self.fitted_null
         best, passed = self.first_name(null)
@@ -197,8 +195,6 @@ class SetSearch(SetMoves[C]):
 
     def passes(self, candidate: C, best: C, passed: bool) -> bool:
         """Whether an effect more is worth it: over the best smaller set, or over nothing where none passed alone."""
-        if may_follow_noise(candidate, best):
-            return False
         if not passed:
             return self.gain(candidate) > self.threshold(candidate.n_parameters) + 2.0 * np.log(len(self.library))
         removed = best.fit.cost - candidate.fit.cost
