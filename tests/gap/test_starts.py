@@ -6,12 +6,7 @@ import pytest
 from sksurrogate.effects import CATALOGUE, AugmentedSimulator
 from sksurrogate.effects._parts import Probe
 from sksurrogate.gap import GapDiagnoser
-from sksurrogate.gap.fit._build import build_problem
-from sksurrogate.gap.search._restart import in_scale, insensitive, restarted
-from sksurrogate.kernels.record import Record
 from sksurrogate.physics import ODESimulator
-from sksurrogate.physics._model import PlantModel
-from sksurrogate.physics._simulator import describe
 
 DT, N, RUNS = 0.05, 200, 4
 
@@ -58,26 +53,6 @@ def test_a_stribeck_friction_is_found_with_its_velocity():
     )
     assert [effect.name for effect in report.effects] == ["stribeck_friction"]
     assert report.effects[0].params == pytest.approx(true, rel=0.1)
-
-
-def test_a_stribeck_velocity_of_0_is_left_again():
-    friction = CATALOGUE["stribeck_friction"]("i", "i")
-    true = {"level": 0.3, "static_level": 0.7, "velocity": 0.3}
-    U, Y = recorded(AugmentedSimulator(circuit(), [friction], [true]))
-    plant = describe(circuit(), n_inputs=1, n_outputs=1, dt=DT)
-    record = Record.from_runs(U, Y, [DT * np.arange(N)] * RUNS, DT)
-    problem, smoothed = build_problem(plant, PlantModel(plant), record, (), ("i",))
-    stuck = problem.fit((friction,), np.array([0.45, 0.5, 1e-12]), smoothed.x)
-    assert insensitive(stuck, 0)[1:].all()
-    found = restarted(stuck)
-    assert found.fit.theta == pytest.approx(list(true.values()), rel=0.1)
-    assert found.fit.cost < 0.5 * stuck.fit.cost
-
-
-def test_a_level_starts_in_proportion_to_the_level_that_was_fitted():
-    friction = CATALOGUE["stribeck_friction"]("i", "i")
-    start, now = (0.2, 0.3, 1.0), np.array([2.0, 0.0, 0.0])
-    assert in_scale(friction, start, now, np.array([False, True, True])) == pytest.approx([0.2, 3.0, 1.0])
 
 
 def test_rare_jumps_of_an_input_are_starts_of_a_rate_limit_too():

@@ -24,7 +24,7 @@ from sksurrogate.gap.search._fit_from_starts import best_starts, cheapest, mean_
 from sksurrogate.gap.search._kink_width import rounded
 from sksurrogate.gap.search._nested import richer
 from sksurrogate.gap.search._onsets import look_for_onsets, twins_with_onset
-from sksurrogate.gap.search._restart import line_searched, restarted
+from sksurrogate.gap.search._restart import line_searched
 from sksurrogate.gap.search._set_search import COMES_BACK
 from sksurrogate.gap.search._stopping import is_stack
 
@@ -165,7 +165,6 @@ class OdeSearch(Expander):
         """Fitted to the end, with kinks as wide as the plant's, and steps shorter and kinks sharper where that matters."""
         done = candidate.fit.converged
         best = candidate if done else candidate.resumed(candidate.problem, max_steps=FIT_STEPS) or candidate
-        best = best if self.is_far(best) else restarted(best)
         best = rounded(best, self.threshold(1)) if best.fit.cost < self.most_left_cost else best
         for n_sub, sharpness in FINER:
             own = best.problem.numerics
@@ -189,7 +188,7 @@ class OdeSearch(Expander):
             return []
         few = self.is_far(named) or is_stack(final)
         if few:
-            candidates = self.expand(base, Wanted(8, 2, thorough=False))
+            candidates = self.expand(base, Wanted(8, 2))
         else:
             candidates = self.expand(base, Wanted(24, 10, siblings=True, best=final.fit.cost))
         # those of the search may have started at other re-tuned parameters
