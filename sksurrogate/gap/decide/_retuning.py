@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.gap.fit._closeness import MOST_LEFT
 from sksurrogate.gap.fit._known_parameters import value_of
 from sksurrogate.gap.fit._normal_equations import eliminate, project_starts
 from sksurrogate.gap.results._effect_estimate import EffectEstimate
@@ -15,8 +16,6 @@ from sksurrogate.gap.screen._screen import Screen
 
 #: A fit that ends this near to a bound is at it: steps are cut there.
 AT_BOUND = 1e-9
-#: An effect counts that may make up this part of what re-tuning closes (amplitude).
-PART_OF_RETUNING = 0.5
 #: What is said of parameters that close the gap, and where they would hide effects as large.
 RETUNED = "Re-tuning alone closes the gap."
 HIDES = " It would hide these effects. To separate them, measure parameters, or free fewer of them (free_params)."
@@ -99,7 +98,7 @@ def imitated_by_retuning(found: Screen, ratios: np.ndarray) -> list[BaseEffect]:
     stack = np.concatenate([found.known, found.columns])
     flat = project_starts(stack, found.J_x, found.record_starts).reshape(len(stack), -1)
     n, few = flat.shape[1], 1 + len(ratios)
-    closed = PART_OF_RETUNING * float(np.linalg.norm(ratios @ flat[1:few]))
+    closed = MOST_LEFT * float(np.linalg.norm(ratios @ flat[1:few]))
     amplitude = closed / np.maximum(np.linalg.norm(flat[few:], axis=1), 1e-300)
     rest = eliminate(flat @ flat.T, len(ratios), found.precision, found.pull)
     either = np.where(found.low < 0.0, np.abs(rest[0, 1:]), rest[0, 1:])

@@ -45,10 +45,6 @@ class Table(Sequence):
 
         return require("pandas", "frames").DataFrame(list(self.rows))
 
-    def to_pandas(self) -> Any:
-        """The same as :meth:`to_frame`."""
-        return self.to_frame()
-
     def __str__(self) -> str:
         cells = [self.columns] + [[_cell(row[c]) for c in self.columns] for row in self.rows]
         if not self.rows:
