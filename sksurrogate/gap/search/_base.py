@@ -44,7 +44,6 @@ class Wanted:
     siblings: bool = False  #: Whether the effect of the nearest is fitted at other places too
     least: float = 0.0  #: Nothing is fitted of which the screen expects less
     best: float = np.inf  #: Cost; a fit that cannot come near it may be abandoned
-    thorough: bool = True  #: Whether a screen far from the data looks at every starting value
 
 
 @dataclass(eq=False)

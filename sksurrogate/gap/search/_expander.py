@@ -25,7 +25,6 @@ from sksurrogate.gap.screen._screen import Screen, Start, screen
 from sksurrogate.gap.search._base import Wanted
 from sksurrogate.gap.search._fit_from_starts import best_starts, cheapest, fit_added, fit_pair
 from sksurrogate.gap.search._set_search import AS_NEAR, SetSearch
-from sksurrogate.gap.search._stopping import remembers_enough
 from sksurrogate.kernels.clock import check_time, limited
 from sksurrogate.kernels.disturbance import Noise
 from sksurrogate.kernels.output_error import Fit
@@ -34,8 +33,6 @@ from sksurrogate.kernels.output_error import Fit
 Message: TypeAlias = tuple[Fit, Numerics] | str | None
 #: Numerics of the search; what it finds is polished with finer ones.
 SEARCH_SUBSTEPS, SEARCH_SHARPNESS = 4, 150.0
-#: A base fitted again is the same one where its cost differs by less than this share.
-SAME_BASE = 1e-3
 #: Screens that are kept beside that of the null.
 MOST_SCREENS = 4
 #: Effects of which the fits from each start are made apart, where there are no more of them.
@@ -57,7 +54,7 @@ class Expander(SetSearch[OdeCandidate]):
 
     problem: OdeBackend
     x: np.ndarray  #: (n_states, n_samples): smoothed nominal trajectory
-    screens: dict = field(default_factory=dict)  #: Cost and screen of every base
+    screens: dict[Any, Screen] = field(default_factory=dict)  #: Of every base
     first_screen: Screen | None = None  #: What the screen expects of single effects
     #: What was fitted from each screen, by the key of the effect: from the same starts a fit leads to the same place
     tried: WeakKeyDictionary[Screen, dict[Any, OdeCandidate]] = field(default_factory=WeakKeyDictionary)
@@ -82,7 +79,7 @@ class Expander(SetSearch[OdeCandidate]):
         return base if same else problem.candidate(base.effects, base.fit)
 
     def expand(self, base: OdeCandidate, wanted: Wanted) -> list[OdeCandidate]:
-        base, found = self.base_and_screen(base, wanted.among, wanted.thorough)
+        base, found = self.base_and_screen(base, wanted.among)
         starts = [one for one in found.starts if one.promises > 0.0 and (one.evident or self.earns(one, wanted.least))]
         chosen = best_starts(starts, wanted.by_white, wanted.by_forced, self.n_values)
         self.report(f"fitting {len(chosen)} candidates")
@@ -102,23 +99,20 @@ class Expander(SetSearch[OdeCandidate]):
         return start.promises >= least + price
 
     def base_and_screen(
-        self, base: OdeCandidate, among: Sequence[BaseEffect] | None = None, thorough: bool = True
+        self, base: OdeCandidate, among: Sequence[BaseEffect] | None = None
     ) -> tuple[OdeCandidate, Screen]:
         """The base with the numerics of the search, and its screen; one of all candidates is made once."""
         taken = set(base.keys)
         library = [e for e in (self.asked if among is None else among) if e.key not in taken]
-        if remembers_enough(base.effects):
-            library = [e for e in library if not isinstance(e, HiddenEffect)]
         guess, noise, base = self.guess(base), self.noise_of(base), self.as_searched(base)
         if among is not None:
             return base, screen(library, base, guess, noise, second=self.second)
-        near = bool(base.effects) and (base.fit.cost < OUT_OF_SIGHT * self.n_values or not thorough)
+        near = bool(base.effects) and base.fit.cost < OUT_OF_SIGHT * self.n_values
         key = (base.keys, base.problem.numerics, noise is None, near)
-        cost, known = self.screens.get(key, (np.inf, None))
-        if known is None or abs(base.fit.cost - cost) > SAME_BASE * cost:
+        known = self.screens.get(key)
+        if known is None:
             first = self.first_screen if near else None
-            known = screen(library, base, guess, noise, first=first, second=self.second)
-            self.screens[key] = base.fit.cost, known
+            known = self.screens[key] = screen(library, base, guess, noise, first=first, second=self.second)
             for old in [k for k in self.screens if k[0]][:-MOST_SCREENS]:
                 del self.screens[old]
         if not base.effects and self.first_screen is None:

@@ -12,20 +12,18 @@ import numpy as np
 
 from sksurrogate.gap.fit._evidence import gain_by_size
 from sksurrogate.gap.fit._ode import Numerics, OdeCandidate
+from sksurrogate.gap.search._restart import WORTH_A_FIT
 
 #: Sharpness (size of a variable over the width of its kinks) of wider kinks, one after the other. Wider than a third of the size a
 #: friction is no longer told from a loss that is proportional to the speed.
 WIDER = (25.0, 12.5, 6.25, 3.125)
-#: Widths between these that are fitted, and the drop of the cost below which none follows.
-MOST_BETWEEN, HARDLY_NEARER = 5, 1.0
+#: Widths between these that are fitted.
+MOST_BETWEEN = 5
 
 
 def rounded(candidate: OdeCandidate, price: float) -> OdeCandidate:
-    """A set with the width of its kinks fitted, where that gains more than a ``price`` (twice the log likelihood); else as it is.
-
-    One whose width was fitted before is fitted further, at no price.
-    """
-    if not may_be_rounded(candidate):
+    """A set with the width of its kinks fitted, where that gains more than a ``price`` (twice the log likelihood); else as it is."""
+    if candidate.problem.numerics.rounded or not may_be_rounded(candidate):
         return candidate
     tried = _widths_around(candidate)
     for _ in range(MOST_BETWEEN):
@@ -33,20 +31,16 @@ def rounded(candidate: OdeCandidate, price: float) -> OdeCandidate:
         if nearest is candidate or sharpness in tried:
             break
         tried[sharpness] = with_width(nearest, sharpness) or candidate
-        if tried[sharpness].fit.cost > nearest.fit.cost - HARDLY_NEARER:
+        if tried[sharpness].fit.cost > nearest.fit.cost - WORTH_A_FIT:
             break
     best = _nearest(tried)
     gain = 2.0 * gain_by_size(candidate.problem.record.n_values, candidate.fit.cost / best.fit.cost)
-    return best if gain > (0.0 if candidate.problem.numerics.rounded else price) else candidate
+    return best if gain > price else candidate
 
 
 def _widths_around(candidate: OdeCandidate) -> dict[float, OdeCandidate]:
-    """A set by its sharpness: as it is, and with wider kinks up to the first that leave more; on both sides of a width that was fitted."""
-    own = candidate.problem.numerics
-    tried = {own.sharpness: candidate}
-    if own.rounded:
-        beside = {s: with_width(candidate, s) for s in (own.sharpness / 2.0**0.5, own.sharpness * 2.0**0.5)}
-        return tried | {s: one for s, one in beside.items() if one is not None}
+    """A set by its sharpness: as it is, and with wider kinks up to the first that leave more."""
+    tried = {candidate.problem.numerics.sharpness: candidate}
     for sharpness in WIDER:
         nearest = _nearest(tried)
         tried[sharpness] = with_width(nearest, sharpness) or candidate

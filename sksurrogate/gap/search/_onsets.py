@@ -161,7 +161,7 @@ def look_for_onsets(search: Expander) -> None:
     """Where what stands leaves something, or takes several names: the best effects in windows of time in its place.
 
     One effect that is always there and leaves the noise is not asked: no window could earn its price. Nor are windows that would leave
-    most of what the simulator alone leaves and hardly less than what stands, or with others more than names may.
+    most of what the simulator alone leaves and hardly less than what stands.
     """
     null, final = search.fitted_null, search.standing
     explained = final.left < AT_THE_NOISE
@@ -170,8 +170,6 @@ def look_for_onsets(search: Expander) -> None:
     left_by = search.first_screen.left_by
     # edges lie apart here: up to half of what the null leaves (amplitude) may be theirs
     most = max(in_vain_from(final.candidate, null.candidate), MOST_LEFT**2 * null.fit.cost)
-    if left_by[-1] > search.most_left_cost:  # other names beside it close too little
-        most = min(most, search.most_left_cost)
     if len(final.effects) == 1 and final.candidate.fit.cost < search.tolerated_cost:
         # an edge just before that of an effect which always being there nearly tells leaves no more than that
         most = min(most, final.candidate.fit.cost)

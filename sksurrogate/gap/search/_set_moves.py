@@ -131,8 +131,8 @@ class SetMoves(BaseSearch[C]):
     def without(self, candidate: C, i: int) -> C | None:
         """The candidate refitted without effect i; None where the others run away."""
         base = self.refitted_without(candidate, i)
-        if self.null is not None and (base is None or self.diverged(base)):
-            base = self.null.candidate if len(candidate.effects) == 1 else None
+        if base is None or self.diverged(base):
+            base = self.fitted_null.candidate if len(candidate.effects) == 1 else None
         noise = self.noise_of(candidate)
         if base is not None and noise is not None and self.own(base) is None:
             self.judge(replace(judged_under(base, [noise]), quick=False))
@@ -143,8 +143,6 @@ class SetMoves(BaseSearch[C]):
         for _ in range(1 if self.is_far(candidate) or self.frugal else 2):
             start = candidate
             for i in range(len(start.effects)):
-                if i >= len(candidate.effects):
-                    break
                 base = self.without(candidate, i)
                 if base is None:
                     continue

@@ -1,10 +1,7 @@
-"""When a search has gone far enough: sets that grow in vain, sets that remember more than any plant."""
+"""When a search has gone far enough: sets that grow in vain, stacks of names."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
-from sksurrogate.effects._effect import BaseEffect, HiddenEffect
 from sksurrogate.gap.fit._backend import BaseCandidate
 from sksurrogate.gap.fit._closeness import AT_THE_NOISE, FAR, MOST_LEFT, NEARLY_WHITE
 from sksurrogate.gap.fit._evidence import Evidence
@@ -15,8 +12,6 @@ MUCH_LEFT, HARDLY_LESS = 0.3, 0.7
 #: So many names that are not at the noise stand in for one that is missing: no candidate in the place of one of them changes that,
 #: and no further name.
 STACK = 3
-#: Effects with states of their own in one set: each makes every later fit slower, and more of them imitate any memory.
-MOST_HIDDEN = 2
 
 
 def grows_in_vain(candidate: BaseCandidate, before: BaseCandidate, null: BaseCandidate) -> bool:
@@ -46,14 +41,3 @@ def leaves_most(candidate: Evidence, gap: float) -> bool:
 def is_stack(candidate: Evidence) -> bool:
     """Whether so many names leave so much that they stand in for one that is missing."""
     return len(candidate.effects) >= STACK and candidate.left > AT_THE_NOISE
-
-
-def remembers_enough(effects: Sequence[BaseEffect]) -> bool:
-    """Whether a set has as many effects with states of their own as are named at once.
-
-    >>> from sksurrogate.effects import CATALOGUE
-    >>> lag, mode, loss = (CATALOGUE[name]("x", "x") for name in ("hidden_relaxation", "hidden_mode", "linear_loss"))
-    >>> remembers_enough([lag, loss]), remembers_enough([lag, loss, mode])
-    (False, True)
-    """
-    return sum(isinstance(effect, HiddenEffect) for effect in effects) >= MOST_HIDDEN
