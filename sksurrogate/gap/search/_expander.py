@@ -15,7 +15,7 @@ from joblib import delayed, effective_n_jobs
 from sksurrogate._parallel._interrupts import workers
 from sksurrogate._parallel._parallel_map import side_by_side
 from sksurrogate._printed import silent_in_worker
-from sksurrogate.effects._effect import BaseEffect, HiddenEffect
+from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.exceptions import SurrogateError
 from sksurrogate.gap.fit._closeness import AT_THE_NOISE, FAR_BY_COST, OUT_OF_SIGHT, is_at_noise
 from sksurrogate.gap.fit._ode import Numerics, OdeBackend, OdeCandidate
@@ -39,8 +39,6 @@ MOST_SCREENS = 4
 FITTED_APART = 2
 #: Effects that are fitted at once under a time limit.
 PORTION = 4
-#: Effort of the search for a jump, in parameters that are fitted.
-SEARCHED = 12
 #: Pairs that are fitted because the screen expects most of them; beside other effects those that are expected to leave less than
 #: this share of what one effect more leaves.
 MOST_PAIRS, PROMISING = 10, 0.5
@@ -260,7 +258,7 @@ class Expander(SetSearch[OdeCandidate]):
             spread = workers(self.n_jobs, batch_size=max(1, len(chosen) // 8))
             found = spread(delayed(fit_in_worker)(base, starts, best) for starts in chosen)
         else:
-            found = side_by_side(partial(fit_here, base, best=best), chosen, self.second, effort)
+            found = side_by_side(partial(fit_here, base, best=best), chosen, self.second)
         return [self.from_message(base, [starts[0].effect], message) for starts, message in zip(chosen, found)]
 
     def from_message(self, base: OdeCandidate, added: Sequence[BaseEffect], message: Message) -> OdeCandidate | None:
@@ -281,13 +279,6 @@ def least_left(starts: Sequence[Start]) -> float:
 def may_lead_near(starts: Sequence[Start], most: float) -> bool:
     """Whether a candidate may come near the data: the screen expects no more than ``most``, or the measurements show it."""
     return least_left(starts) < most or any(start.evident for start in starts)
-
-
-def effort(starts: Sequence[Start]) -> float:
-    """About how long the fits of one effect take: hidden states and parameters are more columns, jumps are searched for."""
-    effect, theta = starts[0].effect, starts[0].theta
-    hidden = effect.n_hidden if isinstance(effect, HiddenEffect) else 0
-    return len(starts) * len(theta) * (1 + hidden) + (SEARCHED if effect.scan(tuple(theta)) else 0)
 
 
 def to_message(problem: OdeBackend, fit: Callable[[], OdeCandidate | None]) -> Message:
