@@ -14,7 +14,7 @@ from scipy.signal import lfilter
 from sksurrogate.gap import GapDiagnoser
 from sksurrogate.gap.faults._corrections import SMOOTHINGS, Gains, Hum, NoisyInput, Offsets, Shifts, SlowNoise
 from sksurrogate.gap.faults._fault_left import Alternative, Found
-from sksurrogate.gap.faults._proposals import _rest_of_shifts, later, tone
+from sksurrogate.gap.faults._proposals import tone
 from sksurrogate.gap.faults._record_book import RecordBook
 from sksurrogate.gap.faults._wrong_readings import (
     _in_rows,
@@ -334,15 +334,6 @@ def test_a_stretch_of_measured_readings_keeps_its_first_and_last_row():
     assert _in_rows(Stretch(1, 4, 0.5), rows) == Stretch(2, 7, 0.5) and _in_rows(Stretch(4, 5, 0.5), rows) == Stretch(
         9, 10, 0.5
     )
-
-
-def test_what_is_left_of_a_shift_is_looked_for_in_its_runs_alone():
-    clean = record(n=60)
-    y = clean.y.copy()
-    for a, b, k in ((0, 60, 2), (60, 120, 3), (120, 180, -1)):
-        y[:, a:b] = later(y[:, a:b], k)
-    rest = _rest_of_shifts(np.array([False, True, False]), clean.run_of_row)(replace(clean, y=y), clean.y)
-    assert rest.values.tolist() == [0, 3, 0]
 
 
 def test_loads_of_each_run_read_as_offsets_where_the_plant_is_linear_and_the_remedy_says_so():

@@ -29,8 +29,6 @@ MOST_OF_IT = 0.8
 MOST_OF_NOISE = 0.5
 #: Draws of the noise on an input, of which mean and spread of what it moves are known to a quarter.
 DRAWS = 8
-#: Looks at what is left of a fault beside a model that was fitted without it: each halves an error of the first or more.
-LOOKS = 3
 #: Faults beside a model that are followed with a noise of their own.
 FOLLOWED = 4
 
@@ -276,18 +274,6 @@ class _Fit:
         kept = nats[self.linear.J.shape[1] :] > np.log(self.n)
         return proposal.some(kept) if proposal.some is not None and 0 < kept.sum() < len(kept) else proposal
 
-    def settled(self, proposal: Proposal, fault: BaseFault | None) -> tuple[BaseFault | None, BaseCandidate | None]:
-        """The fault with what is left of it once the model is fitted without it, and that model."""
-        again = None if fault is None else self.model.refitted(fault.corrected(self.model.problem.record))
-        for _ in range(LOOKS):
-            if fault is None or again is None or proposal.rest is None:
-                break
-            left = proposal.rest(again.problem.record, again.fit.y)
-            if left is not None:
-                fault = fault.and_also(left)
-            again = again.refitted(fault.corrected(self.model.problem.record))
-        return fault, again
-
     def followed(self, proposal: Proposal, tried: int, search: BaseSearch[Any]) -> Found | None:
         """A fault with a noise of its own, and the model fitted again without it; None where its weights are not possible."""
         try:
@@ -298,7 +284,7 @@ class _Fit:
         except np.linalg.LinAlgError:
             return None
         fault, model = proposal.fault(theta[self.linear.J.shape[1] :]), self.model
-        fault, again = self.settled(proposal, fault)
+        again = None if fault is None else model.refitted(fault.corrected(model.problem.record))
         if fault is None or again is None:
             return None
         before, after = _excess(model, model.residual), _excess(again, again.residual)

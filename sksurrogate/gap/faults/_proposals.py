@@ -31,8 +31,6 @@ class Proposal:
     extra: int = 0  #: Parameters that were chosen before (a frequency, a number of samples)
     chosen: float = 0.0  #: Price of runs chosen among all, twice the log likelihood
     some: Callable[[np.ndarray], Proposal] | None = None  #: The same in some of its runs, where each has a value
-    #: What of it is left in a corrected record, beside the outputs of a model that was fitted to that; None where nothing is
-    rest: Callable[[Record, np.ndarray], BaseFault | None] | None = None
     of: np.ndarray | None = None  #: (n_samples,): number of the run of every row, where weights differ from run to run
     acts: np.ndarray = field(default_factory=lambda: np.zeros(0, int))  #: Numbers of the runs in which it acts
 
@@ -135,18 +133,8 @@ def _shifts(record: Record, run: np.ndarray, y: np.ndarray) -> Iterator[Proposal
     one = np.where(np.arange(len(values)) == int(np.argmax(gains)), values, 0)
     seen, of = np.unique(run, return_inverse=True)
     for some in (one, values):
-        acts, rest = np.flatnonzero(some[seen]), _rest_of_shifts(some != 0, run)
-        yield Proposal(moved[:, None], there_whole(Shifts(None, some)), extra=len(acts), rest=rest, of=of, acts=acts)
-
-
-def _rest_of_shifts(where: np.ndarray, run: np.ndarray) -> Callable[[Record, np.ndarray], BaseFault | None]:
-    """Initial states that were fitted to late outputs bend the start of a run: the shift is read again without them."""
-
-    def rest(record: Record, y: np.ndarray) -> BaseFault | None:
-        values = np.where(where, best_shifts(record, run, y)[0], 0)
-        return Shifts(None, values) if values.any() else None
-
-    return rest
+        acts = np.flatnonzero(some[seen])
+        yield Proposal(moved[:, None], there_whole(Shifts(None, some)), extra=len(acts), of=of, acts=acts)
 
 
 def there_whole(fault: BaseFault) -> Callable[[np.ndarray], BaseFault | None]:
