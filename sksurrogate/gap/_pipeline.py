@@ -96,8 +96,12 @@ class DiagnosisPipeline(LawStage[C]):
 
     @cached_property
     def baseline(self) -> PendingAnswer[HeldOut]:
-        """Free runs on runs left out of what needs no name; a learner of the user's own stays in this process."""
-        correction = self.access.correction(self.learner) if self.null.left >= AT_THE_NOISE else None
+        """Free runs on runs left out of what needs no name; a learner of the user's own stays in this process.
+
+        A correction has nothing to learn where the simulator as it is given, not as it is re-tuned, is at the noise.
+        """
+        off = self.null.left >= AT_THE_NOISE or self.problem.free
+        correction = self.access.correction(self.learner) if off else None
         ask = self.search.later.ask if self.learner is None else PendingAnswer[HeldOut]
         return ask(partial(without_names, self.null.candidate, correction))
 
