@@ -48,14 +48,10 @@ def redundant_effect(final: Evidence[OdeCandidate]) -> int | None:
     for i, j in combinations(range(len(moved)), 2):
         one, other = moved[i], moved[j]
         if one is not None and other is not None and signals[i] == signals[j]:
-            sizes = _size(one), _size(other)
-            if _size(one + other) < min(sizes):
+            *sizes, together = (float(np.linalg.norm(outputs)) for outputs in (one, other, one + other))
+            if together < min(sizes):
                 return i if sizes[0] < sizes[1] else j
     return None
-
-
-def _size(outputs: np.ndarray) -> float:
-    return float(np.linalg.norm(outputs))
 
 
 def is_at(effect: BaseEffect, law: Law | LawLeft) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
@@ -101,13 +102,12 @@ def masked(record: Record, wrong: np.ndarray) -> Record:
     return replace(record, y=bridged(record.y, known, record.starts), known=known)
 
 
-def _without_single_readings(u: np.ndarray) -> np.ndarray:
-    """A running median of five rows."""
-    return np.asarray(median_filter(u, 5, mode="nearest"))
-
-
-#: What an input without its noise may be: (n_samples,) of one run to the same.
-SMOOTHINGS: tuple[Callable[[np.ndarray], np.ndarray], ...] = (held_levels, smooth_path, _without_single_readings)
+#: What an input without its noise may be: (n_samples,) of one run to the same. The last is a running median of five rows.
+SMOOTHINGS: tuple[Callable[[np.ndarray], np.ndarray], ...] = (
+    held_levels,
+    smooth_path,
+    partial(median_filter, size=5, mode="nearest"),
+)
 
 
 @dataclass(frozen=True, eq=False)

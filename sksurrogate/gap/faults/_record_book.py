@@ -149,16 +149,12 @@ def record_book(plant: Plant, runs: Runs, whole: Record) -> RecordBook:
         """Outputs of the simulator alone; None where it gives none."""
         try:
             with np.errstate(all="ignore"):
-                return np.concatenate([_outputs(plant.simulator, run) for run in runs]).T
+                found = [np.asarray(plant.simulator.simulate(run.X), dtype=float) for run in runs]
+            return np.concatenate([y.reshape(len(run), -1) for y, run in zip(found, runs)]).T
         except Exception:  # a simulator may raise anything here; the diagnosis asks again, and says what it raised
             return None
 
     return RecordBook(whole, names, tuple(wrong_readings(whole, expected)))
-
-
-def _outputs(simulator: Any, run: Any) -> np.ndarray:
-    """Outputs (n_samples, n_outputs) along one run."""
-    return np.asarray(simulator.simulate(run.X), dtype=float).reshape(len(run), -1)
 
 
 def faults_of(book: RecordBook | None, null: BaseCandidate, rows: np.ndarray) -> DataFaults:

@@ -30,9 +30,8 @@ def excerpt(record: Record, most: int) -> tuple[Record, np.ndarray]:
     """
     if record.n_samples <= most:
         return record, np.arange(record.n_samples)
-    pieces = [
-        (start, stop) for a, b in record.spans for start, stop in zip(*_cut(a, b, max(1, round((b - a) / PIECE))))
-    ]
+    edges = [np.round(np.linspace(a, b, max(1, round((b - a) / PIECE)) + 1)).astype(int) for a, b in record.spans]
+    pieces = [piece for ends in edges for piece in zip(ends[:-1], ends[1:])]
     length = float(np.median([min(b - a, PIECE) for a, b in pieces]))
     n = min(len(pieces), max(1, int(most / length)))
     chosen = np.unique(np.round(np.linspace(0, len(pieces) - 1, n)).astype(int))
@@ -49,12 +48,6 @@ def excerpt(record: Record, most: int) -> tuple[Record, np.ndarray]:
     starts = np.cumsum([0] + [b - a for a, b in bounds[:-1]])
     part = record.cut(record.starts).rows(rows, starts)
     return replace(part, history=None, place=None), rows  # all of a long record costs too much
-
-
-def _cut(a: int, b: int, n: int) -> tuple[np.ndarray, np.ndarray]:
-    """First and last rows of n equal pieces."""
-    edges = np.round(np.linspace(a, b, n + 1)).astype(int)
-    return edges[:-1], edges[1:]
 
 
 #: Runs are put into at most this many folds.
