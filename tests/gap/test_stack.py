@@ -11,10 +11,7 @@ from sksurrogate.gap._law_stage import LawStage
 from sksurrogate.gap.decide._law_certificate import takes_the_place
 from sksurrogate.gap.decide._rules import DecisionFeatures, first_rule
 from sksurrogate.gap.fit._evidence import Evidence
-from sksurrogate.gap.fit._ode import Numerics, OdeCandidate
 from sksurrogate.gap.search import _set_search
-from sksurrogate.gap.search._base import Wanted
-from sksurrogate.gap.search._ode_search import OdeSearch
 from sksurrogate.gap.search._stopping import grows_in_vain, is_stack
 from sksurrogate.kernels.record import Record
 
@@ -53,25 +50,6 @@ def test_three_names_that_leave_more_than_the_noise_are_a_stack():
     assert is_stack(leaving(0.11, 3))
     assert not is_stack(leaving(0.101, 3))
     assert not is_stack(leaving(0.11, 2))
-
-
-def test_no_third_effect_with_states_of_its_own_is_asked_for(monkeypatch):
-    asked = []
-    lag, mode, spring = (CATALOGUE[name]("v", "q") for name in ("hidden_relaxation", "hidden_mode", "hysteresis"))
-    loss = CATALOGUE["linear_loss"]("v", "v")
-    problem = SimpleNamespace(record=record_of(10), numerics=Numerics(1))
-    expander = OdeSearch(problem, [lag, mode, spring, loss], np.zeros((2, 10)))
-    monkeypatch.setattr(OdeSearch, "searching", lambda self, base: problem)
-    monkeypatch.setattr(OdeSearch, "guess", lambda self, base: None)
-    empty = type("Empty", (), {"starts": []})()
-    module = "sksurrogate.gap.search._expander"
-    monkeypatch.setattr(f"{module}.screen", lambda candidates, *rest, **more: asked.append(candidates) or empty)
-    for effects in [(lag,), (lag, mode)]:
-        keys = tuple(effect.key for effect in effects)
-        base = OdeCandidate(effects, of_cost(1).fit, problem, None)
-        assert base.keys == keys
-        expander.expand(base, Wanted(4, 2))
-    assert asked == [[mode, spring, loss], [loss]]
 
 
 @pytest.mark.parametrize(
