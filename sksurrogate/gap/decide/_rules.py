@@ -38,7 +38,7 @@ class DecisionFeatures:
     #: deviation
     curve: float = -np.inf
     curve_moved: float = 0.0
-    repeats: bool = True  #: Whether a law that was looked for closes a practical share on runs left out
+    repeats: bool = True  #: Whether a law that was looked for closes a practical share on runs left out; of one run that is not known
     rounding: float = 0.0  #: Error of a coarse grid of readings that nothing names, over the deviation of the output
     noisy_input: bool = False  #: Whether the gap is no larger than the noise of a measured input makes it
     #: Whether the simulator alone explains the record with its time or readings in another unit
