@@ -1,4 +1,7 @@
-"""A diagnosis in rounds: where the record itself has a fault, once more on the record without it; where it had none, on from there."""
+"""A diagnosis in rounds: where the record itself has a fault, once more on the record without it; where it had none, on from there.
+
+Once more, too, where only some of the runs have a gap, and where a disturbance hides what is missing.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +11,7 @@ from typing import Any
 from sksurrogate.gap._pipeline import DiagnosisPipeline
 from sksurrogate.gap._progress import Progress
 from sksurrogate.gap._some_runs import Answer, in_some_runs
+from sksurrogate.gap._under_disturbance import under_disturbance
 from sksurrogate.gap.faults._record_book import record_book
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics._simulator import Plant
@@ -17,7 +21,7 @@ from sksurrogate.runs import Runs
 def diagnosed_in_rounds(
     begin: Callable[[Runs, Record], DiagnosisPipeline[Any]], plant: Plant, runs: Runs, whole: Record, progress: Progress
 ) -> Answer:
-    """Diagnose, again as long as a fault of the record is found, and some of the runs alone where only they have a gap.
+    """Diagnose, again as long as a fault of the record is found; some of the runs alone where only they have a gap, or all under a disturbance.
 
     ``begin``: the diagnosis of some runs.
     ``whole``: as it came.
@@ -33,6 +37,7 @@ def diagnosed_in_rounds(
         report = pipeline.run(progress)
         if report is not None:
             answer = pipeline, report
-            return in_some_runs(begin, runs, book.record, answer, progress) or answer
+            asked = begin, runs, book.record, answer, progress
+            return in_some_runs(*asked) or under_disturbance(*asked) or answer
         book = pipeline.book
         before += [] if book.closed else [pipeline]

@@ -52,7 +52,7 @@ def in_some_runs(
         return None
     pipeline.search.report(f"{runs_text([runs[r].label for r in some])} by themselves")
     chosen = replace(runs, runs=tuple(runs[r] for r in some)), record.select(some.tolist())
-    answer = _by_themselves(partial(begin, *chosen), progress)
+    answer = asked_again(partial(begin, *chosen), progress)
     if answer is None:
         return None
     part, said = answer
@@ -69,8 +69,8 @@ def in_some_runs(
     return part, said
 
 
-def _by_themselves(begin: Callable[[], DiagnosisPipeline[Any]], progress: Progress) -> Answer | None:
-    """The diagnosis of some runs alone; None where it names nothing, or cannot be made: that of all runs is known."""
+def asked_again(begin: Callable[[], DiagnosisPipeline[Any]], progress: Progress) -> Answer | None:
+    """Another diagnosis of the same plant; None where it names nothing, or cannot be made: the first is known."""
     try:
         part = begin()
         said = part.run(progress)

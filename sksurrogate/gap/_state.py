@@ -102,7 +102,7 @@ class DiagnosisState(Generic[C]):
         stands: Evidence = self.final
         if law is not None and law.certified and beside is not None:
             stands = beside.law.found
-        return np.hypot(self.access.sensor_noise(stands), self.problem.record.input_noise)
+        return np.hypot(self.access.sensor_noise(stands), self.problem.record.disturbance)
 
     def share_the_gap(self) -> None:
         """What of the gap each effect closes, how probable it is, and the intervals of all parameters."""

@@ -47,9 +47,9 @@ class Record:
     offset: np.ndarray | None = None
     #: (n_samples,): time from every row to the next; None where that is ``dt`` everywhere
     steps: np.ndarray | None = None
-    #: (n_outputs,): RMS that noise on the measured inputs moves the outputs by, as far as it is known: no model
-    #: follows it
-    input_noise: np.ndarray | float = 0.0
+    #: (n_outputs,): RMS that no model follows, as far as it is known: what noise on the measured inputs, or a disturbance of the
+    #: plant, moves the outputs by
+    disturbance: np.ndarray | float = 0.0
     #: int (n_samples,): number of the recorded run of every row, where ``starts`` are those of pieces; None where runs
     #: are whole
     recorded: np.ndarray | None = None
@@ -199,7 +199,7 @@ class Record:
         recorded = None if self.recorded is None else self.recorded[rows]
         place = None if self.place is None else self.place[rows]
         return Record(
-            u, y, t, starts, self.dt, known, offset, steps, self.input_noise, recorded, self.began, self.history, place
+            u, y, t, starts, self.dt, known, offset, steps, self.disturbance, recorded, self.began, self.history, place
         )
 
     def cut(self, starts: np.ndarray) -> Record:

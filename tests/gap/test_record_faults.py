@@ -275,10 +275,10 @@ def test_noise_of_an_input_is_the_gap_as_far_as_one_draw_of_it_may_be_off():
 def test_noise_that_stays_on_an_input_is_noise_of_the_outputs():
     clean, slow = record(), SlowNoise(1.0, 0.1, np.array([3.0, 0.0]))
     once = NoisyInput(0, 0, slow=slow).corrected(clean)
-    assert once.input_noise.tolist() == [3.0, 0.0] and once.select([1, 2]).input_noise.tolist() == [3.0, 0.0]
+    assert once.disturbance.tolist() == [3.0, 0.0] and once.select([1, 2]).disturbance.tolist() == [3.0, 0.0]
     both = NoisyInput(0, 1, slow=SlowNoise(1.0, 0.1, np.array([4.0, 1.0]))).corrected(once)
-    assert both.input_noise.tolist() == [5.0, 1.0]
-    assert NoisyInput(0, 0).corrected(clean).input_noise == 0.0
+    assert both.disturbance.tolist() == [5.0, 1.0]
+    assert NoisyInput(0, 0).corrected(clean).disturbance == 0.0
 
 
 @pytest.mark.parametrize("seed", [0, 4711])  # under white noise alone the smoother input looks unlikely with 4711

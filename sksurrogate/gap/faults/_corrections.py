@@ -151,8 +151,8 @@ class NoisyInput(BaseFault):
         u = record.u.copy()
         for a, b in record.spans:
             u[self.input, a:b] = SMOOTHINGS[self.way](record.u[self.input, a:b])
-        stays = record.input_noise if self.slow is None else np.hypot(record.input_noise, self.slow.moved)
-        return replace(record.with_inputs(u), input_noise=stays)
+        stays = record.disturbance if self.slow is None else np.hypot(record.disturbance, self.slow.moved)
+        return replace(record.with_inputs(u), disturbance=stays)
 
     def noisier(self, record: Record, draw: int) -> Record:
         """The record with as much white noise once more on the input."""

@@ -11,7 +11,7 @@ import numpy as np
 
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.effects._smooth import KINK_SHARPNESS
-from sksurrogate.gap.fit._closeness import NEARLY_WHITE
+from sksurrogate.gap.fit._closeness import LARGEST_DISTURBANCE, NEARLY_WHITE
 from sksurrogate.gap.fit._known_parameters import KnownParameters
 from sksurrogate.kernels.disturbance import Disturbance, Noise
 from sksurrogate.kernels.record import Record
@@ -48,6 +48,11 @@ class Backend(ABC):
     sharpness: float = (
         KINK_SHARPNESS  #: Sharpness of the kinks of a simulator that carries what was found: as it was fitted
     )
+
+    @property
+    def largest_disturbance(self) -> float:
+        """The share of its deviation by which what counts as noise may move an output: more where the record is known to be disturbed."""
+        return LARGEST_DISTURBANCE + float(np.max(self.record.disturbance / self.record.spread))
 
     def bounds(self, effects: Sequence[BaseEffect]) -> tuple[np.ndarray, np.ndarray]:
         """Bounds of the parameters."""

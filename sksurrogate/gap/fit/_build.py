@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from sksurrogate.effects._model import AugmentedModel
-from sksurrogate.gap.fit._closeness import LARGEST_DISTURBANCE
 from sksurrogate.gap.fit._known_parameters import KnownParameters
 from sksurrogate.gap.fit._linear_surrogate import learn
 from sksurrogate.gap.fit._neighbours import neighbours
@@ -127,16 +126,16 @@ def build_problem(
 
 
 def _caps(problem: OdeBackend, smoothed: Smoothed) -> tuple[np.ndarray, np.ndarray]:
-    """Forces and coloured sensor noise that move an output by :data:`LARGEST_DISTURBANCE` of its deviation."""
-    record, n = problem.record, len(problem.plant.states)
+    """Forces and coloured sensor noise that move an output by the largest disturbance that counts as noise."""
+    record, n, largest = problem.record, len(problem.plant.states), problem.largest_disturbance
     nominal = replace(problem, free=()).augmented(())
     _, C = output_jacobian(nominal.bind(np.zeros((0, 1))), smoothed.x, problem.scale)
     places = problem.rows_of_balances
     push = record.dt * np.eye(n)[:, places]
     gain = gain_of_forces(recursion_band(smoothed.A, record.starts), push, C, record.starts, record.spread)
     seen = np.isfinite(gain) & (gain > 0)
-    force = np.where(seen, LARGEST_DISTURBANCE / np.where(seen, gain, 1.0), 10 * problem.rate[places])
-    return force, LARGEST_DISTURBANCE * record.spread
+    force = np.where(seen, largest / np.where(seen, gain, 1.0), 10 * problem.rate[places])
+    return force, largest * record.spread
 
 
 def build_trajectory(

@@ -63,7 +63,7 @@ class Evidence(Generic[C]):
         """The same with the sensor noise within limits."""
         record = self.candidate.problem.record
         sigma = np.maximum(np.minimum(self.noise.sigma, most), least)
-        return float(np.max(record.rms(self.candidate.residual) / np.hypot(sigma, record.input_noise)))
+        return float(np.max(record.rms(self.candidate.residual) / np.hypot(sigma, record.disturbance)))
 
 
 def evidence_threshold(n_parameters: int, n_candidates: int, n_values: int) -> float:

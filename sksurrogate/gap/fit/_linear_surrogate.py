@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sksurrogate.gap.fit._closeness import LARGEST_DISTURBANCE
 from sksurrogate.gap.fit._normal_equations import project_starts
 from sksurrogate.gap.fit._pushes import a_sample_later, gain_of_forces
 from sksurrogate.kernels.banded import recursion_band, solve_recursion
@@ -70,11 +69,11 @@ class LinearSurrogate:
             known,
         )
 
-    def caps(self, spread: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Forces on every state and coloured sensor noise that count as a disturbance, of outputs of a ``spread`` (n_outputs,)."""
+    def caps(self, spread: np.ndarray, largest: float) -> tuple[np.ndarray, np.ndarray]:
+        """Forces on every state and coloured sensor noise that move outputs of a ``spread`` (n_outputs,) by its ``largest`` share."""
         C = np.broadcast_to(self.C[:, :, None], (*self.C.shape, self.n_samples))
         gain = gain_of_forces(self.band, np.diag(self.scale), C, self.starts, spread)
-        return LARGEST_DISTURBANCE / np.maximum(gain, 1e-9), LARGEST_DISTURBANCE * spread
+        return largest / np.maximum(gain, 1e-9), largest * spread
 
 
 def learn(record: Record, y: np.ndarray) -> LinearSurrogate:

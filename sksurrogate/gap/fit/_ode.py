@@ -14,7 +14,7 @@ from sksurrogate.effects._model import AugmentedModel
 from sksurrogate.effects._smooth import KINK_SHARPNESS
 from sksurrogate.effects._structure import largest_gains
 from sksurrogate.gap.fit._backend import Backend, BaseCandidate
-from sksurrogate.gap.fit._closeness import FAR_BY_COST, LARGEST_DISTURBANCE, worth_following
+from sksurrogate.gap.fit._closeness import FAR_BY_COST, worth_following
 from sksurrogate.gap.fit._coordinates import coordinates_of
 from sksurrogate.gap.fit._known_parameters import KnownParameters
 from sksurrogate.gap.fit._neighbours import Neighbours
@@ -399,7 +399,8 @@ class OdeBackend(Backend):
         if self.caps is None:
             return QUIET_FORCE * unit
         return np.minimum(
-            QUIET_OUTPUT * self.caps[0] * np.min(self.sd / self.record.spread) / LARGEST_DISTURBANCE, QUIET_FORCE * unit
+            QUIET_OUTPUT * self.caps[0] * np.min(self.sd / self.record.spread) / self.largest_disturbance,
+            QUIET_FORCE * unit,
         )
 
     def quiet(self, noise: Noise) -> Noise:

@@ -235,7 +235,7 @@ class TrajectoryBackend(Backend):
     @cached_property
     def caps(self) -> tuple[np.ndarray, np.ndarray]:  # type: ignore[override]
         """Forces on every state and coloured sensor noise that count as a disturbance."""
-        return self.surrogate.caps(self.record.spread)
+        return self.surrogate.caps(self.record.spread, self.largest_disturbance)
 
     def force_unit(self) -> np.ndarray:
         """Forces are in units of the size of their states."""

@@ -23,6 +23,19 @@ def interruption(complete: bool, time_limit: float | None, cut: Sequence[str]) -
     return [] if complete else ["The diagnosis was interrupted: questions after that point are not answered."]
 
 
+def disturbed(shares: Mapping[str, float]) -> str:
+    """What was taken for a disturbance, as shares of the deviation of each output.
+
+    >>> disturbed({"speed": 0.29})[:68]
+    'A disturbance moves the outputs (29 % of the deviation of speed). It'
+    """
+    sizes = ", ".join(f"{percent(share)} of the deviation of {name}" for name, share in shares.items())
+    return (
+        f"A disturbance moves the outputs ({sizes}). It follows no candidate and counts as noise here: what is closed is closed "
+        "beyond it. Repeat a run with the same inputs to see whether it is one."
+    )
+
+
 def failed_stages(failed: Mapping[str, str]) -> list[str]:
     """Stages that the linear algebra of a model broke: the rest of the report stands without them.
 

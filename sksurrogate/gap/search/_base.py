@@ -133,7 +133,7 @@ class BaseSearch(ABC, Generic[C]):
     def noise_cost(self) -> float:
         """Squared error over the sensors' noise that this and noise on the inputs make up."""
         record = self.problem.record
-        return self.n_values + float(np.sum(record.counts * (record.input_noise / self.problem.sd) ** 2))
+        return self.n_values + float(np.sum(record.counts * (record.disturbance / self.problem.sd) ** 2))
 
     @property
     def gap_cost(self) -> float:
