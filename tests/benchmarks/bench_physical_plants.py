@@ -21,6 +21,7 @@ import physical_plants_messy  # noqa: F401
 import physical_plants_one  # noqa: F401
 import physical_plants_other  # noqa: F401
 import physical_plants_rigs  # noqa: F401
+import physical_plants_service  # noqa: F401
 import physical_plants_si  # noqa: F401
 import physical_plants_starts  # noqa: F401
 import physical_plants_trades  # noqa: F401
