@@ -41,9 +41,14 @@ def in_some_runs(
     ``whole``: the diagnosis of all runs.
     """
     pipeline, report = whole
-    late = pipeline.time_limit is not None and time.perf_counter() - progress.started_at > SOON * pipeline.time_limit
     settled = report.verdict == "none" or (report.verdict == "explained" and len(report.effects) == 1)
-    if settled or late or not report.complete or record.steps is not None or record.offset is not None:
+    if (
+        settled
+        or is_late(pipeline, progress)
+        or not report.complete
+        or record.steps is not None
+        or record.offset is not None
+    ):
         return None
     run = record.run_of_row[pipeline.rows]
     quiet = _at_the_noise(pipeline, run)
@@ -67,6 +72,11 @@ def in_some_runs(
     effects = [replace(effect, runs=part.acts_in) for effect in said.effects]
     said = replace(said, effects=effects, notes=(_said(here, *others), *said.notes), data=report.data)
     return part, said
+
+
+def is_late(pipeline: DiagnosisPipeline[Any], progress: Progress) -> bool:
+    """Whether there is no time for another diagnosis."""
+    return pipeline.time_limit is not None and time.perf_counter() - progress.started_at > SOON * pipeline.time_limit
 
 
 def asked_again(begin: Callable[[], DiagnosisPipeline[Any]], progress: Progress) -> Answer | None:

@@ -6,7 +6,6 @@ known, likelihoods hold again: a force is part of the noise, and the effect that
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
@@ -15,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from sksurrogate.gap._pipeline import DiagnosisPipeline
-from sksurrogate.gap._progress import SOON, Progress
-from sksurrogate.gap._some_runs import Answer, asked_again
+from sksurrogate.gap._progress import Progress
+from sksurrogate.gap._some_runs import Answer, asked_again, is_late
 from sksurrogate.gap.fit._backend import BaseCandidate
 from sksurrogate.gap.fit._closeness import FAR, LARGEST_DISTURBANCE
 from sksurrogate.gap.fit._evidence import Evidence, estimate_noise
@@ -46,10 +45,9 @@ def under_disturbance(
     ``first``: the diagnosis as usual.
     """
     pipeline, report = first
-    late = pipeline.time_limit is not None and time.perf_counter() - progress.started_at > SOON * pipeline.time_limit
     closed = np.nanmin([report.shrink.after, report.shrink.after_law, np.inf])
     asked = report.verdict in ("unknown", "partial") and report.complete
-    if not asked or late or closed < LARGEST_DISTURBANCE:
+    if not asked or is_late(pipeline, progress) or closed < LARGEST_DISTURBANCE:
         return None
     left = disturbance_left(pipeline)
     if left is None:
