@@ -66,10 +66,12 @@ def under_disturbance(
 def disturbance_left(pipeline: DiagnosisPipeline[Any]) -> np.ndarray | None:
     """RMS (n_outputs,) that the likeliest set of effects leaves beside a disturbance of any size.
 
-    None where the noise of the sensors or of usual disturbances makes up what the nearest leaves, and where no effect is likelier than none.
+    None where the noise of the sensors or of usual disturbances makes up what the nearest leaves, where no effect is likelier than none, and
+    for a simulator without states: through ``simulate`` alone no force in a balance is known.
     """
     search = pipeline.search
-    if pipeline.access.other_unit or not search.fitted or pipeline.null.left < FAR:
+    known = isinstance(search.problem, OdeBackend) and search.fitted and not pipeline.access.other_unit
+    if not known or pipeline.null.left < FAR:
         return None
     by_cost = sorted(search.fitted.values(), key=lambda one: one.fit.cost)
     if np.max(_left(by_cost[0]) / by_cost[0].problem.record.spread) < LARGEST_DISTURBANCE:
@@ -92,7 +94,7 @@ def _beside(candidate: Any, level: np.ndarray, start: Noise) -> Evidence[Any]:
     """A candidate where a disturbance moves the outputs by ``level`` (n_outputs,) and more counts as noise."""
     problem = candidate.problem
     known = replace(problem, record=replace(problem.record, disturbance=level))
-    if isinstance(problem, OdeBackend) and problem.caps is not None:
+    if problem.caps is not None:
         more = known.largest_disturbance / problem.largest_disturbance
         known = replace(known, caps=(more * problem.caps[0], more * problem.caps[1]))
     return estimate_noise(known.candidate(candidate.effects, candidate.fit), start)

@@ -49,6 +49,7 @@ def test_a_round_goes_on_where_the_next_one_refused_its_fault(monkeypatch, plan)
     log = []
     monkeypatch.setattr(_rounds, "record_book", lambda plant, runs, whole: first)
     monkeypatch.setattr(_rounds, "in_some_runs", lambda *given: None)
+    monkeypatch.setattr(_rounds, "under_disturbance", lambda *given: None)
     begun = []
 
     def begin(runs, record):

@@ -26,8 +26,8 @@ def interruption(complete: bool, time_limit: float | None, cut: Sequence[str]) -
 def disturbed(shares: Mapping[str, float]) -> str:
     """What was taken for a disturbance, as shares of the deviation of each output.
 
-    >>> disturbed({"speed": 0.29})[:68]
-    'A disturbance moves the outputs (29 % of the deviation of speed). It'
+    >>> disturbed({"speed": 0.29})[:67]
+    'A disturbance moves the outputs (29.0 % of the deviation of speed).'
     """
     sizes = ", ".join(f"{percent(share)} of the deviation of {name}" for name, share in shares.items())
     return (

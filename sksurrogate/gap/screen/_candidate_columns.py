@@ -81,6 +81,12 @@ class CandidateColumns:
         theta = np.array(starts, dtype=float).reshape(len(starts), len(effect.parameters)).T
         out, paths = self.responses(effect, theta)
         size = largest(out, s.problem.sd)
+        refused = np.flatnonzero(~(size < LARGEST_CHANGE)).tolist()
+        if refused and effect.linear and effect.parameters[0].low < 0:  # with the other sign it may be in range
+            theta[0, refused] *= -1.0
+            out[:, refused], others = self.responses(effect, theta[:, refused])
+            paths = [others[refused.index(k)] if k in refused else path for k, path in enumerate(paths)]
+            size = largest(out, s.problem.sd)
         if np.isnan(size).all():
             return None
         columns, n = np.ascontiguousarray(out.transpose(1, 0, 2)), len(s.smoothed.x)

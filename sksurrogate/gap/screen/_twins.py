@@ -55,7 +55,8 @@ def twins(named: OdeCandidate, candidates: Sequence[BaseEffect], x: np.ndarray, 
 def _replaced(named: OdeCandidate) -> Iterator[tuple[tuple[int, ...], np.ndarray, list[int]]]:
     """Places of effects, what is missing without them as weights of [residual, parameters], and places there of the other parameters."""
     n, theta = len(named.effects), named.fit.theta
-    for places in (some for size in range(n, 0, -1) for some in combinations(range(n), size)):
+    sized = [i for i in range(n) if named.effects[i].parameters]  # what is there or not is no term of a balance either
+    for places in (some for size in range(len(sized), 0, -1) for some in combinations(sized, size)):
         missing = np.zeros(1 + len(theta))
         missing[0] = 1.0
         for i in places:
