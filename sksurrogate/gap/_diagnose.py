@@ -20,9 +20,9 @@ from sksurrogate.exceptions import DataError, SimulatorError
 from sksurrogate.gap._begin import Task, begin_ode, begin_trajectory
 from sksurrogate.gap._progress import Progress, progress_shown
 from sksurrogate.gap._provenance import with_provenance
-from sksurrogate.gap._rounds import diagnosed_in_rounds
 from sksurrogate.gap.fit._known_parameters import KnownParameters
 from sksurrogate.gap.render._report import GapReport
+from sksurrogate.gap.rounds._rounds import diagnosed_in_rounds
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics._asked import asked_bounds, asked_priors
 from sksurrogate.physics._simulator import Plant, bounds_of, describe, recorded

@@ -5,9 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from sksurrogate.gap import _rounds
 from sksurrogate.gap._pipeline import STAGES, DiagnosisPipeline
 from sksurrogate.gap._progress import Progress
+from sksurrogate.gap.rounds import _rounds
 
 
 def book(name, closed=False):

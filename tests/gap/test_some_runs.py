@@ -10,8 +10,8 @@ from sklearn.base import clone
 from sksurrogate.effects import CATALOGUE, AugmentedSimulator, load_augmented, save_augmented
 from sksurrogate.exceptions import DataError, SimulatorError
 from sksurrogate.gap import GapDiagnoser
-from sksurrogate.gap._some_runs import _at_the_noise
 from sksurrogate.gap.render._code import code_of
+from sksurrogate.gap.rounds._some_runs import _at_the_noise
 from sksurrogate.physics import ODESimulator
 
 LEVEL = 0.8

@@ -15,12 +15,12 @@ import numpy as np
 
 from sksurrogate.gap._pipeline import DiagnosisPipeline
 from sksurrogate.gap._progress import Progress
-from sksurrogate.gap._some_runs import Answer, asked_again, is_late
 from sksurrogate.gap.fit._backend import BaseCandidate
 from sksurrogate.gap.fit._closeness import FAR, LARGEST_DISTURBANCE
 from sksurrogate.gap.fit._evidence import Evidence, estimate_noise
 from sksurrogate.gap.fit._ode import OdeBackend
 from sksurrogate.gap.render._notes import disturbed
+from sksurrogate.gap.rounds._some_runs import Answer, asked_again, is_late
 from sksurrogate.kernels.disturbance import Noise
 from sksurrogate.kernels.record import Record
 from sksurrogate.runs import Runs
@@ -45,9 +45,9 @@ def under_disturbance(
     ``first``: the diagnosis as usual.
     """
     pipeline, report = first
-    closed = np.nanmin([report.shrink.after, report.shrink.after_law, np.inf])
-    asked = report.verdict in ("unknown", "partial") and report.complete
-    if not asked or is_late(pipeline, progress) or closed < LARGEST_DISTURBANCE:
+    remains = np.nanmin([report.shrink.after, report.shrink.after_law, np.inf])
+    is_open = report.verdict in ("unknown", "partial") and remains >= LARGEST_DISTURBANCE
+    if not is_open or not report.complete or is_late(pipeline, progress):
         return None
     left = disturbance_left(pipeline)
     if left is None:
@@ -56,7 +56,7 @@ def under_disturbance(
     answer = asked_again(
         partial(begin, runs, replace(record, disturbance=np.hypot(record.disturbance, left))), progress
     )
-    if answer is None or answer[1].shrink.after > closed:
+    if answer is None or answer[1].shrink.after > remains:
         return None
     again, said = answer
     note = disturbed(dict(zip(said.outputs, left / record.spread)))
@@ -74,11 +74,11 @@ def disturbance_left(pipeline: DiagnosisPipeline[Any]) -> np.ndarray | None:
     if not known or pipeline.null.left < FAR:
         return None
     by_cost = sorted(search.fitted.values(), key=lambda one: one.fit.cost)
-    if np.max(_left(by_cost[0]) / by_cost[0].problem.record.spread) < LARGEST_DISTURBANCE:
+    level = _left(by_cost[0])
+    if np.max(level / search.problem.record.spread) < LARGEST_DISTURBANCE:
         return None
     sizes = {len(one.effects) for one in by_cost if one.effects}
     nearest = [one for n in sizes for one in [c for c in by_cost if len(c.effects) == n][:NEAREST]]
-    level = _left(by_cost[0])
     judged = [_beside(one, level, pipeline.null.noise) for one in (pipeline.null.candidate, *nearest)]
     prices = [0.5 * one.candidate.n_parameters * np.log(search.n_values) for one in judged]
     best = max(zip(judged, prices), key=lambda pair: pair[0].log_likelihood - pair[1])[0].candidate

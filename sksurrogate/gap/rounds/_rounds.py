@@ -10,9 +10,9 @@ from typing import Any
 
 from sksurrogate.gap._pipeline import DiagnosisPipeline
 from sksurrogate.gap._progress import Progress
-from sksurrogate.gap._some_runs import Answer, in_some_runs
-from sksurrogate.gap._under_disturbance import under_disturbance
 from sksurrogate.gap.faults._record_book import record_book
+from sksurrogate.gap.rounds._some_runs import Answer, in_some_runs
+from sksurrogate.gap.rounds._under_disturbance import under_disturbance
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics._simulator import Plant
 from sksurrogate.runs import Runs

@@ -42,13 +42,8 @@ def in_some_runs(
     """
     pipeline, report = whole
     settled = report.verdict == "none" or (report.verdict == "explained" and len(report.effects) == 1)
-    if (
-        settled
-        or is_late(pipeline, progress)
-        or not report.complete
-        or record.steps is not None
-        or record.offset is not None
-    ):
+    on_own_clock = record.steps is not None or record.offset is not None
+    if settled or on_own_clock or not report.complete or is_late(pipeline, progress):
         return None
     run = record.run_of_row[pipeline.rows]
     quiet = _at_the_noise(pipeline, run)

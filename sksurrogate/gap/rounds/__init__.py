@@ -1,0 +1,1 @@
+"""What is asked once more: on a corrected record, of some runs alone, under a disturbance."""
