@@ -10,6 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from scipy.signal import lfilter
+from scipy.stats import norm
 
 from sksurrogate.gap import GapDiagnoser
 from sksurrogate.gap.faults._corrections import SMOOTHINGS, Gains, Hum, NoisyInput, Offsets, Shifts, SlowNoise
@@ -350,3 +351,28 @@ def test_loads_of_each_run_read_as_offsets_where_the_plant_is_linear_and_the_rem
     assert fault.kind == "offset"
     assert [fault.values[k] for k in range(4)] == pytest.approx(loads / 2.0, abs=0.02)
     assert "a load" in fault.remedy
+
+
+def test_readings_that_are_scaled_keep_their_density():
+    """A Gaussian of the readings is the one of the corrected readings, times what the correction stretches them by."""
+    rng, gains = np.random.default_rng(3), np.array([0.5, -0.2])
+    y, known = rng.normal(size=(2, 6)), rng.uniform(size=(2, 6)) < 0.7
+    record = Record(np.zeros((0, 6)), y, np.arange(6.0) % 3, np.array([0, 3]), 1.0, known)
+    fault, scale = Gains(1, gains), 1.0 + gains[[0, 0, 0, 1, 1, 1]]
+    before = norm.logpdf(y[1], 2.0 * scale, 0.3 * scale)[known[1]].sum()
+    after = norm.logpdf(fault.corrected(record).y[1], 2.0, 0.3)[known[1]].sum()
+    assert before == pytest.approx(after + fault.log_stretch(record), rel=1e-12)
+
+
+def test_a_valve_that_is_nearly_a_gain_is_no_gain_of_all_runs():
+    """It leaves more than the noise, and readings that are divided by 1.35 have less of it."""
+    simulator = ODESimulator(
+        lambda t, x, u, p: (u[0] - x[0],), states=["q"], inputs=["u"], outputs=["q"], params={}, dt=0.1
+    )
+    rng = np.random.default_rng(5)
+    U = np.repeat(rng.uniform(-2.0, 2.0, (4, 15)), 12, axis=1)[..., None]
+    opened = U * (1.0 + 0.45 * np.abs(U) ** 0.3 / (1.0 + 0.3 * np.abs(U)))
+    y = np.concatenate([simulator.simulate(u, x0=[0.0]) for u in opened]).reshape(-1, 1)
+    y += rng.normal(0.0, 0.005, y.shape)
+    report = GapDiagnoser(simulator, random_state=0, n_jobs=1).fit(U.reshape(-1, 1), y, np.repeat(np.arange(4), 180))
+    assert not report.report_.data.kinds and report.report_.verdict == "explained"

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
 
 import numpy as np
 from scipy.special import expit
@@ -19,16 +18,14 @@ from sksurrogate.gap.decide._contenders import (
     law_along,
     preferred,
 )
-from sksurrogate.gap.decide._intervals import not_sized_beside_others
+from sksurrogate.gap.decide._needed import needed_only, taken
 from sksurrogate.gap.decide._one_curve import form_holds, redundant_effect
-from sksurrogate.gap.fit._closeness import MOST_LEFT, SETTLED
-from sksurrogate.gap.fit._evidence import CERTAIN, Evidence, estimate_noise
+from sksurrogate.gap.fit._closeness import SETTLED
+from sksurrogate.gap.fit._evidence import CERTAIN, Evidence
 from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.results._next_experiment import NATS_THAT_SETTLE
-from sksurrogate.gap.search._nested import of_one_law
 from sksurrogate.gap.search._ode_search import OdeSearch
-from sksurrogate.gap.search._set_search import COMES_BACK
-from sksurrogate.gap.search._stopping import STACK, closes_by_size, leaves_most
+from sksurrogate.gap.search._stopping import closes_by_size, leaves_most
 from sksurrogate.gap.unnamed._along_a_path import without
 from sksurrogate.gap.unnamed._law_evidence import LawBeside, LawQuestion
 from sksurrogate.gap.unnamed._law_left import LawLeft
@@ -122,7 +119,7 @@ def let_stand(search: OdeSearch, final: Evidence) -> tuple[Evidence, Posterior]:
         fewer = search.without(final.candidate, least)
         if fewer is None or not fewer.effects:
             break
-        final = _taken(search, fewer, final)
+        final = taken(search, fewer, final)
     search.final = search.fitted_null
     far = tuple(effect.name for effect in final.effects) if leaves_most(final, search.gap_cost) else ()
     return search.fitted_null, Posterior((), None, too_far=far)
@@ -136,7 +133,7 @@ def _sure_part(search: OdeSearch, final: Evidence, posterior: Posterior) -> tupl
         return final, posterior
     fewer = search.without(final.candidate, int(np.argmin(chances)))
     if fewer is not None and fewer.effects:
-        sure = let_stand(search, _taken(search, fewer, final))
+        sure = let_stand(search, taken(search, fewer, final))
         if sure[0].effects:
             return sure
     search.stand(final.candidate)
@@ -158,75 +155,6 @@ def _of_classes(posterior: Posterior, own: Contender, near: Sequence[Contender])
         mass = chance * (1.0 + float(np.sum(np.exp(members))))
         probabilities.append(mass / (mass + 1.0 - chance))
     return replace(posterior, probabilities=tuple(probabilities), as_likely=tuple(one.candidate for one in near))
-
-
-def _taken(search: OdeSearch, candidate: OdeCandidate, before: Evidence) -> Evidence:
-    """A smaller set that takes the place of another, under its own noise: that of the larger one knows less to explain."""
-    search.judge(estimate_noise(candidate, before.noise, before.curvature))
-    return search.judged[search.stand(search.polish(candidate))]
-
-
-def needed_only(search: OdeSearch, final: Evidence) -> Evidence:
-    """A set without effects that the tolerance does not need, the least needed first.
-
-    A set that leaves more than the noise is not exact: there a small effect may only correct the form of the others. Of two forms
-    of one law one is enough, where it closes the gap up to the tolerance: no form is exact on a real plant. So it is of effects whose
-    magnitudes these data do not show beside each other. What is taken out is compared with the whole set: several effects may be
-    needed where none of them alone is.
-    """
-    whole = final.fit.cost
-    while (fewer := _without_needless(search, final, whole)) is not None:
-        final = _taken(search, fewer, final)
-    return final
-
-
-def _without_needless(search: OdeSearch, final: Evidence, whole: float) -> OdeCandidate | None:
-    """The set without the effect that is needed least, or the one of this size that stood and is nearer; None where all are needed.
-
-    ``whole``: cost of the set before any was taken out.
-    """
-    if len(final.effects) < 2:
-        return None
-    one_form = _nearest_without(search, final, _of_which_one_is_enough(final))
-    if one_form is not None and one_form.fit.cost <= search.tolerated_cost:
-        return one_form
-    if final.left <= SETTLED:
-        return None
-    fewer, before = _nearest_without(search, final, range(len(final.effects))), search.stood.get(len(final.effects) - 1)
-    if fewer is not None and before is not None and before.fit.cost < COMES_BACK * fewer.fit.cost:
-        fewer = before
-    return None if fewer is None or is_needed(whole, fewer.fit.cost, search.tolerated_cost) else fewer
-
-
-def _of_which_one_is_enough(final: Evidence[OdeCandidate]) -> list[int]:
-    """Positions of the effects that are forms of one law with another, or whose magnitudes these data do not show beside each other.
-
-    A stack of laws in one balance is an expansion of one of them.
-    """
-    pairs = combinations(range(len(final.effects)), 2)
-    forms = {i for pair in pairs if of_one_law(*(final.effects[k] for k in pair)) for i in pair}
-    balances = [e.location if e.kind == "state" and e.variable else None for e in final.effects]
-    stacked = (i for i, name in enumerate(balances) if name is not None and balances.count(name) >= STACK)
-    return sorted(forms.union(not_sized_beside_others(final), stacked))
-
-
-def _nearest_without(search: OdeSearch, final: Evidence, positions: Iterable[int]) -> OdeCandidate | None:
-    """The set without the effect at one of some positions that comes nearest to the data; None where there is none."""
-    sets = [search.without(final.candidate, i) for i in positions]
-    known = [one for one in sets if one is not None and one.effects and search.plausible(one)]
-    return min(known, key=lambda one: one.fit.cost, default=None)
-
-
-def is_needed(whole: float, fewer: float, tolerated: float) -> bool:
-    """Whether a set that leaves ``whole`` needs an effect without which, fitted again, it leaves ``fewer``.
-
-    Squared errors; ``tolerated``: the tolerance in power. It does if more than the tolerance is left without it, and the effect closes most
-    of that.
-
-    >>> is_needed(10.0, 104.0, tolerated=100.0), is_needed(90.0, 204.0, tolerated=100.0), is_needed(10.0, 90.0, tolerated=100.0)
-    (True, False, False)
-    """
-    return fewer > tolerated and whole < MOST_LEFT**2 * fewer
 
 
 def law_left_beside(search: OdeSearch, final: Evidence) -> LawLeft | None:

@@ -10,6 +10,7 @@ from scipy.special import expit
 
 from sksurrogate.gap.decide._access import BaseAccess
 from sksurrogate.gap.decide._generic_correction import Correction, generic_correction
+from sksurrogate.gap.decide._needed import needed_only
 from sksurrogate.gap.decide._posterior import Posterior
 from sksurrogate.gap.decide._separations import of_trajectories
 from sksurrogate.gap.fit._closeness import SETTLED
@@ -52,7 +53,7 @@ class TrajectoryAccess(BaseAccess[TrajectoryCandidate]):
 
     def weigh(self, final: Evidence[TrajectoryCandidate]) -> Posterior:
         """How probable what stands is against none; no law inside can be put in the place of a name."""
-        search = self.search
+        search, final = self.search, needed_only(self.search, final)
         chance = float(expit(search.score(final.candidate) - search.score(search.fitted_null.candidate)))
         return Posterior((chance,) * len(final.effects), None)
 

@@ -44,6 +44,10 @@ class BaseFault(ABC):
         """With what another fault of the same key found on top."""
         return self
 
+    def log_stretch(self, record: Record) -> float:
+        """Log of what the correction stretches the readings by, all together: a density after it is one before it divided by this factor."""
+        return 0.0
+
     @abstractmethod
     def described(self, record: Record, names: Names, share: float) -> DataFault:
         """For the report."""
@@ -271,6 +275,11 @@ class Gains(_OfRuns):
         y = record.y.copy()
         y[self.output] /= 1.0 + self.values[record.recorded_run_of_row]
         return replace(record, y=y)
+
+    def log_stretch(self, record: Record) -> float:
+        """Readings that are scaled down come nearer to each other, and to any model."""
+        known = slice(None) if record.known is None else record.known[self.output]
+        return float(-np.sum(np.log(np.abs(1.0 + self.values[record.recorded_run_of_row[known]]))))
 
 
 @dataclass(frozen=True, eq=False)

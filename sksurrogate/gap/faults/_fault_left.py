@@ -293,7 +293,8 @@ class _Fit:
         if left < SETTLED and before > 2.0 * after:
             removed = 1.0  # at the noise
         cost = self.cost(proposal, tried)
-        score = max(value, estimate_noise(again, self.noises[1], max_iterations=FEW_STEPS).log_likelihood)
+        corrected = estimate_noise(again, self.noises[1], max_iterations=FEW_STEPS).log_likelihood
+        score = max(value, corrected + fault.log_stretch(model.problem.record))
         score -= 0.5 * (search.prior_cost(again) + model.n_parameters * np.log(self.n) + cost)
         if isinstance(fault, NoisyInput):
             fault = replace(fault, removed=removed)

@@ -4,7 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from sksurrogate.effects._effect import BaseEffect, HiddenEffect
+from sksurrogate.effects._effect import BaseEffect, HiddenEffect, LimitEffect, SensorEffect
+from sksurrogate.effects._input import InputQuantization, RememberingActuator
+from sksurrogate.effects._sensor import SensorQuantization
+
+#: Effects that are no curve of a signal or of time: they remember, stop a state, or round.
+NO_CURVES = HiddenEffect, LimitEffect, RememberingActuator, InputQuantization, SensorQuantization
 
 
 def simpler(effect: BaseEffect, name: str, library: Sequence[BaseEffect]) -> list[BaseEffect]:
@@ -37,6 +42,23 @@ def of_one_law(one: BaseEffect, other: BaseEffect) -> bool:
     """
     remember = isinstance(one, HiddenEffect) and isinstance(other, HiddenEffect)
     return related(one, other) or (remember and _share_a_form(one, other))
+
+
+def of_one_curve(one: BaseEffect, other: BaseEffect) -> bool:
+    """Whether two effects are curves of one signal, or of time, at one place: there both together are one curve, and the smaller is a part of it.
+
+    >>> from sksurrogate.effects import CATALOGUE
+    >>> friction, tilt, loop = (CATALOGUE[name]("v", "v") for name in ("coulomb_friction", "gravity_tilt", "hysteresis"))
+    >>> of_one_curve(friction, tilt), of_one_curve(friction, loop)
+    (True, False)
+    """
+    same = (one.kind, one.location, one.variable) == (other.kind, other.location, other.variable)
+    return same and _is_curve(one) and _is_curve(other)
+
+
+def _is_curve(effect: BaseEffect) -> bool:
+    remembers = isinstance(effect, SensorEffect) and effect.memory
+    return not (remembers or isinstance(effect, NO_CURVES))
 
 
 def _share_a_form(one: BaseEffect, other: BaseEffect) -> bool:

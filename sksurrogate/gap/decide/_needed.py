@@ -1,0 +1,88 @@
+"""Which of several names are needed: those without which, the rest fitted again, more than the tolerance is left."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from itertools import combinations
+
+from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.gap.decide._intervals import not_sized_beside_others
+from sksurrogate.gap.fit._closeness import MOST_LEFT, SETTLED
+from sksurrogate.gap.fit._evidence import C, Evidence, estimate_noise
+from sksurrogate.gap.search._nested import of_one_curve, of_one_law
+from sksurrogate.gap.search._set_search import COMES_BACK, SetSearch
+from sksurrogate.gap.search._stopping import STACK
+
+
+def taken(search: SetSearch[C], candidate: C, before: Evidence[C]) -> Evidence[C]:
+    """A smaller set that takes the place of another, under its own noise: that of the larger one knows less to explain."""
+    search.judge(estimate_noise(candidate, before.noise, before.curvature))
+    return search.judged[search.stand(search.polish(candidate))]
+
+
+def needed_only(search: SetSearch[C], final: Evidence[C]) -> Evidence[C]:
+    """A set without effects that the tolerance does not need, the least needed first.
+
+    A set that leaves more than the noise is not exact: there a small effect may only correct the form of the others. Of two forms
+    of one law one is enough, where it closes the gap up to the tolerance: no form is exact on a real plant. So it is of effects whose
+    magnitudes these data do not show beside each other. What is taken out is compared with the whole set: several effects may be
+    needed where none of them alone is.
+    """
+    whole = final.fit.cost
+    while (fewer := _without_needless(search, final, whole)) is not None:
+        final = taken(search, fewer, final)
+    return final
+
+
+def _without_needless(search: SetSearch[C], final: Evidence[C], whole: float) -> C | None:
+    """The set without the effect that is needed least, or the one of this size that stood and is nearer; None where all are needed.
+
+    ``whole``: cost of the set before any was taken out.
+    """
+    if len(final.effects) < 2:
+        return None
+    one_form = _nearest_without(search, final, _of_which_one_is_enough(final))
+    if one_form is not None and one_form.fit.cost <= search.tolerated_cost:
+        return one_form
+    if final.left <= SETTLED:
+        return None
+    fewer, before = _nearest_without(search, final, range(len(final.effects))), search.stood.get(len(final.effects) - 1)
+    if fewer is not None and before is not None and before.fit.cost < COMES_BACK * fewer.fit.cost:
+        fewer = before
+    return None if fewer is None or is_needed(whole, fewer.fit.cost, search.tolerated_cost) else fewer
+
+
+def _of_which_one_is_enough(final: Evidence[C]) -> list[int]:
+    """Positions of the effects that are forms of one law with another, or whose magnitudes these data do not show beside each other.
+
+    A stack of laws in one balance is an expansion of one of them.
+    """
+    pairs = combinations(range(len(final.effects)), 2)
+    forms = {i for pair in pairs if _one_of_two(*(final.effects[k] for k in pair)) for i in pair}
+    balances = [e.location if e.kind == "state" and e.variable else None for e in final.effects]
+    stacked = (i for i, name in enumerate(balances) if name is not None and balances.count(name) >= STACK)
+    return sorted(forms.union(not_sized_beside_others(final), stacked))
+
+
+def _one_of_two(one: BaseEffect, other: BaseEffect) -> bool:
+    """Whether one of two effects may be enough: of two forms of a law, and of two curves of one signal at one place."""
+    return of_one_law(one, other) or of_one_curve(one, other)
+
+
+def _nearest_without(search: SetSearch[C], final: Evidence[C], positions: Iterable[int]) -> C | None:
+    """The set without the effect at one of some positions that comes nearest to the data; None where there is none."""
+    sets = [search.without(final.candidate, i) for i in positions]
+    known = [one for one in sets if one is not None and one.effects and search.plausible(one)]
+    return min(known, key=lambda one: one.fit.cost, default=None)
+
+
+def is_needed(whole: float, fewer: float, tolerated: float) -> bool:
+    """Whether a set that leaves ``whole`` needs an effect without which, fitted again, it leaves ``fewer``.
+
+    Squared errors; ``tolerated``: the tolerance in power. It does if more than the tolerance is left without it, and the effect closes most
+    of that.
+
+    >>> is_needed(10.0, 104.0, tolerated=100.0), is_needed(90.0, 204.0, tolerated=100.0), is_needed(10.0, 90.0, tolerated=100.0)
+    (True, False, False)
+    """
+    return fewer > tolerated and whole < MOST_LEFT**2 * fewer
