@@ -110,7 +110,7 @@ def test_three_names_that_leave_a_law_are_withdrawn_and_of_fewer_one_law_may_tak
 @pytest.mark.parametrize(
     ("leads", "grown"), [("rich", "rich"), ("simple", "simple"), ("lean", "lean"), ("poor", None), (None, None)]
 )
-def test_a_set_grows_on_from_the_form_that_leads_to_the_noise(monkeypatch, leads, grown):
+def test_a_set_grows_on_from_the_form_that_leads_to_the_noise(leads, grown):
     """A loss in place of a friction has fewer parameters, and does not show the lag that is missing beside the friction.
 
     A set with fewer parameters leads on too, as long as it closes the gap up to the tolerance.
@@ -137,7 +137,6 @@ def test_a_set_grows_on_from_the_form_that_leads_to_the_noise(monkeypatch, leads
         stand=lambda one: stood.append(one.name) or one,
         one_more=lambda one, passed: asked.append(one.name),
     )
-    monkeypatch.setattr(_set_search, "reformed", lambda search, best: None)
     _set_search.SetSearch.grow(search, rich, True, None)
     assert stood == [grown or "simple"]
     assert asked == ([grown] if grown else [])

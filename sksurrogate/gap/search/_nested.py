@@ -24,14 +24,8 @@ def richer(effect: BaseEffect, simple: BaseEffect) -> bool:
     return same and simple.name in effect.nests
 
 
-def related(one: BaseEffect, other: BaseEffect) -> bool:
-    """Whether two effects at one place, in one variable, nest each other or a form in common."""
-    same = one.variable == other.variable or None in (one.variable, other.variable)
-    return same and _share_a_form(one, other)
-
-
 def of_one_law(one: BaseEffect, other: BaseEffect) -> bool:
-    """Whether two effects are forms of one law: related, or friction that remembers a motion by its position and by its speed.
+    """Whether two effects at one place nest each other or a form in common: in one variable, or frictions that remember a motion.
 
     >>> from sksurrogate.effects import CATALOGUE
     >>> loop, bristles, loss = (
@@ -40,8 +34,10 @@ def of_one_law(one: BaseEffect, other: BaseEffect) -> bool:
     >>> of_one_law(loop, bristles), of_one_law(loop, loss)
     (True, False)
     """
+    same = one.variable == other.variable or None in (one.variable, other.variable)
     remember = isinstance(one, HiddenEffect) and isinstance(other, HiddenEffect)
-    return related(one, other) or (remember and _share_a_form(one, other))
+    forms = {one.name, *one.nests} & {other.name, *other.nests}
+    return (same or remember) and bool(forms) and one.location == other.location and one.name != other.name
 
 
 def of_one_curve(one: BaseEffect, other: BaseEffect) -> bool:
@@ -59,8 +55,3 @@ def of_one_curve(one: BaseEffect, other: BaseEffect) -> bool:
 def _is_curve(effect: BaseEffect) -> bool:
     remembers = isinstance(effect, SensorEffect) and effect.memory
     return not (remembers or isinstance(effect, NO_CURVES))
-
-
-def _share_a_form(one: BaseEffect, other: BaseEffect) -> bool:
-    forms = {one.name, *one.nests} & {other.name, *other.nests}
-    return bool(forms) and one.location == other.location and one.name != other.name

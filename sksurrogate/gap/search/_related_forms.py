@@ -1,17 +1,13 @@
-"""Forms of one effect: the simpler one that does as well, a relative in its place, one that takes over the part of another."""
+"""Forms of one effect: the simpler one that does as well."""
 
 from __future__ import annotations
 
 from sksurrogate.effects._effect import BaseEffect
-from sksurrogate.gap.fit._closeness import SETTLED
 from sksurrogate.gap.fit._evidence import C, arrived
-from sksurrogate.gap.search._base import EQUAL, BaseSearch, Wanted
-from sksurrogate.gap.search._nested import related, simpler
+from sksurrogate.gap.search._base import EQUAL, BaseSearch
+from sksurrogate.gap.search._nested import simpler
 from sksurrogate.gap.search._set_moves import SetMoves
 
-#: Sets with a relative of an effect that are searched once more; such a set takes the place of another with less than this
-#: share of its cost.
-MOST_REFORMED, REFORMED = 2, 0.5
 #: A simpler form is named where the richer one removes hardly more than this share of the gap's power.
 HARDLY_ANY = 5e-4
 #: A form that leaves so many times more than is allowed before it is polished leaves too much afterwards.
@@ -53,39 +49,6 @@ def with_fewer_parameters(search: SetMoves[C], best: C, most: float) -> list[C]:
         and search.plausible(candidate)
     ]
     return sorted(others, key=lambda candidate: (candidate.n_parameters, candidate.fit.cost))
-
-
-def reformed(search: SetMoves[C], candidate: C) -> C | None:
-    """The set with a relative in the place of one effect and the others chosen again; None where that is not nearer to the data.
-
-    A wrong form beside a right one (a symmetric friction for one with an offset) keeps every other effect from being seen.
-    """
-    if search.frugal or len(candidate.effects) < 2 or search.judged[candidate].left < SETTLED:
-        return None
-    kin = [sibling for i in range(len(candidate.effects)) for sibling in with_relatives(search, candidate, i)]
-    for other in sorted(kin, key=lambda one: one.fit.cost)[:MOST_REFORMED]:
-        swapped = search.swap(search.polish(other))
-        worth = search.order([swapped, candidate])
-        if swapped.fit.cost < REFORMED * candidate.fit.cost and worth(swapped) > worth(candidate) + 1.0:
-            return swapped
-    return None
-
-
-def with_relatives(search: SetMoves[C], candidate: C, i: int) -> list[C]:
-    """A relative of effect i in its place, those that are fitted already too."""
-    others = [key for j, key in enumerate(candidate.keys) if j != i]
-    kin = relatives(search, candidate.effects[i], candidate)
-    new = [e for e in kin if frozenset((*others, e.key)) not in search.fitted]
-    base = search.without(candidate, i) if new else None
-    if base is not None:
-        search.ranked(search.expand(base, Wanted(2, 1, new, best=candidate.fit.cost)), base)
-    known = (search.fitted.get(frozenset((*others, e.key))) for e in kin)
-    return [one for one in known if one is not None and search.plausible(one)]
-
-
-def relatives(search: SetMoves[C], effect: BaseEffect, candidate: C) -> list[BaseEffect]:
-    """Effects of the library that nest one, or a form in common with it, and are not in a set."""
-    return [e for e in search.library if related(e, effect) and e.key not in candidate.keys]
 
 
 def simpler_forms(search: BaseSearch[C], candidate: C, i: int, name: str) -> list[BaseEffect]:

@@ -23,7 +23,7 @@ from sksurrogate.gap.fit._closeness import (
 from sksurrogate.gap.fit._evidence import CERTAIN, C, Evidence, arrived, estimate_noise, follow_null, gain_by_size
 from sksurrogate.gap.fit._prior import moved_far
 from sksurrogate.gap.search._base import Wanted
-from sksurrogate.gap.search._related_forms import hardly_more, reformed, simplify, with_fewer_parameters
+from sksurrogate.gap.search._related_forms import hardly_more, simplify, with_fewer_parameters
 from sksurrogate.gap.search._set_moves import SetMoves
 from sksurrogate.gap.search._stopping import closes_by_size, grows_in_vain
 
@@ -93,7 +93,7 @@ class SetSearch(SetMoves[C]):
                     break
             if self.is_far(best) and not self.may_be_named(best):
                 break
-            better = self.one_more(best, passed) or (reformed(self, best) if passed else None)
+            better = self.one_more(best, passed)
             left_behind[frozenset(best.keys)] = best.fit.cost
             # One set may beat another by likelihood and lose to it by size: a ring, unless it comes back nearer to the data.
             if better is None or better.fit.cost > COMES_BACK * left_behind.get(frozenset(better.keys), np.inf):
