@@ -1,11 +1,11 @@
-"""Forms of one effect: the simpler one that does as well."""
+"""Forms of one effect: the simpler one that does as well, a richer one that starts where the simple one ended."""
 
 from __future__ import annotations
 
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.gap.fit._evidence import C, arrived
-from sksurrogate.gap.search._base import EQUAL, BaseSearch
-from sksurrogate.gap.search._nested import simpler
+from sksurrogate.gap.search._base import EQUAL, BaseSearch, Wanted
+from sksurrogate.gap.search._nested import richer, simpler
 from sksurrogate.gap.search._set_moves import SetMoves
 
 #: A simpler form is named where the richer one removes hardly more than this share of the gap's power.
@@ -49,6 +49,21 @@ def with_fewer_parameters(search: SetMoves[C], best: C, most: float) -> list[C]:
         and search.plausible(candidate)
     ]
     return sorted(others, key=lambda candidate: (candidate.n_parameters, candidate.fit.cost))
+
+
+def enriched(search: SetMoves[C], candidate: C) -> list[C]:
+    """Sets with a richer form in the place of one effect, fitted from where the set stands.
+
+    Without the effect the others move away to make up for it, and no fit leads back: a form that contains another must leave no more.
+    """
+    found: list[C] = []
+    for i, effect in enumerate(candidate.effects):
+        forms = [form for form in search.library if richer(form, effect) and form.key not in candidate.keys]
+        base = candidate.taken_out(i) if forms else None
+        if base is not None:
+            wanted = Wanted(len(forms), 0, forms, best=candidate.fit.cost)
+            found += search.ranked(search.expand(base, wanted), candidate)
+    return found
 
 
 def simpler_forms(search: BaseSearch[C], candidate: C, i: int, name: str) -> list[BaseEffect]:

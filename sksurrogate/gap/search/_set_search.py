@@ -23,7 +23,7 @@ from sksurrogate.gap.fit._closeness import (
 from sksurrogate.gap.fit._evidence import CERTAIN, C, Evidence, arrived, estimate_noise, follow_null, gain_by_size
 from sksurrogate.gap.fit._prior import moved_far
 from sksurrogate.gap.search._base import Wanted
-from sksurrogate.gap.search._related_forms import hardly_more, simplify, with_fewer_parameters
+from sksurrogate.gap.search._related_forms import enriched, hardly_more, simplify, with_fewer_parameters
 from sksurrogate.gap.search._set_moves import SetMoves
 from sksurrogate.gap.search._stopping import closes_by_size, grows_in_vain
 
@@ -93,7 +93,7 @@ class SetSearch(SetMoves[C]):
                     break
             if self.is_far(best) and not self.may_be_named(best):
                 break
-            better = self.one_more(best, passed)
+            better = (self.richer_form(best) if passed else None) or self.one_more(best, passed)
             left_behind[frozenset(best.keys)] = best.fit.cost
             # One set may beat another by likelihood and lose to it by size: a ring, unless it comes back nearer to the data.
             if better is None or better.fit.cost > COMES_BACK * left_behind.get(frozenset(better.keys), np.inf):
@@ -102,6 +102,14 @@ class SetSearch(SetMoves[C]):
             best, passed = self.stand(better), True
             if given_up:
                 break
+
+    def richer_form(self, best: C) -> C | None:
+        """The set with a richer form in the place of one effect; None where none is worth its parameters, or no other effect moved away."""
+        if self.frugal or len(best.effects) < 2 or self.judged[best].left < SETTLED:
+            return None
+        trial = enriched(self, best)
+        top = self.best_polished(sorted(trial, key=self.order(trial), reverse=True)) if trial else None
+        return top if top is not None and self.passes(top, best, True) else None
 
     def leads_on(self, best: C, n: int) -> bool:
         """Whether the screen expects n names more to close what a set leaves up to the tolerance, or to come near the noise.
