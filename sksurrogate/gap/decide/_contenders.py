@@ -49,11 +49,15 @@ class Contender(NamedTuple):
     law: LawBeside
 
 
-def contenders(search: OdeSearch, final: Evidence, law: LawBeside) -> tuple[Contender, list[Contender]]:
+def contenders(
+    search: OdeSearch, final: Evidence, law: LawBeside, fallen: Collection[frozenset] = ()
+) -> tuple[Contender, list[Contender]]:
     """What stands beside its law, and the sets with another effect in the place of one, beside theirs.
 
     They are judged in the order of the most that they could reach: to be as likely as what stands, at the price of a law that
     corrects the form in one direction, and of its choice among those of its place and signal.
+
+    ``fallen``: keys of sets that did not stand.
     """
     own, level = contender(search, final.candidate, law), search.evidence(final.candidate)
     forms = forms_of_places(final.candidate)
@@ -65,7 +69,7 @@ def contenders(search: OdeSearch, final: Evidence, law: LawBeside) -> tuple[Cont
 
     near = _near(search, final)
     others: list[Contender] = []
-    swapped = [one for one in swaps(search, final.candidate) if one in near]
+    swapped = [one for one in swaps(search, final.candidate) if one in near and frozenset(one.keys) not in fallen]
     for candidate in sorted(swapped, key=reach, reverse=True)[:MOST_OTHERS]:
         if own.net + reach(candidate) > max([own.net, *(one.net for one in others)]) - NATS_THAT_SETTLE:
             others.extend(judged_contender(search, final, candidate, [law.seed]))

@@ -87,6 +87,7 @@ def let_stand(search: OdeSearch, final: Evidence) -> tuple[Evidence, Posterior]:
     """
     final = needed_only(search, final)
     stood: dict[frozenset, tuple[Evidence, Posterior]] = {}
+    fallen: set[frozenset] = set()
     if closes_by_size(final, search.tolerated_cost):
         law = judged_law(search, final, final.candidate, along=False)
         return final, Posterior(tuple(1.0 for _ in final.effects), law)
@@ -95,12 +96,10 @@ def let_stand(search: OdeSearch, final: Evidence) -> tuple[Evidence, Posterior]:
         least = int(np.argmin(posterior.probabilities))
         several, enough = len(final.effects) > 1, posterior.probabilities[least] >= CERTAIN_NAME
         redundant = redundant_effect(final) if several and enough and final.left > SETTLED else None
-        if redundant is not None:
-            least = redundant
-        elif enough or (not several and posterior.probabilities[least] >= LEAST_ALONE):
+        if redundant is None and (enough or (not several and posterior.probabilities[least] >= LEAST_ALONE)):
             if posterior.law is None:
                 return final, posterior
-            own, others = contenders(search, final, posterior.law)
+            own, others = contenders(search, final, posterior.law, fallen)
             near = [one for one in others if one.net > own.net - NATS_THAT_SETTLE]
             apart = tuple(elsewhere(search, final, own))
             stood[frozenset(final.candidate.keys)] = final, replace(_of_classes(posterior, own, near), elsewhere=apart)
@@ -111,15 +110,15 @@ def let_stand(search: OdeSearch, final: Evidence) -> tuple[Evidence, Posterior]:
             if best is own:
                 return _sure_part(search, *stood[frozenset(final.candidate.keys)])
             final = search.judged[search.stand(best.candidate)]
-            continue
         elif stood:  # what seemed likelier than a set that stood does not stand itself
-            final, posterior = stood.popitem()[1]
+            fallen.add(frozenset(final.candidate.keys))
+            final = stood.popitem()[1][0]
             search.stand(final.candidate)
-            return _sure_part(search, final, posterior)
-        fewer = search.without(final.candidate, least)
-        if fewer is None or not fewer.effects:
-            break
-        final = taken(search, fewer, final)
+        else:
+            fewer = search.without(final.candidate, least if redundant is None else redundant)
+            if fewer is None or not fewer.effects:
+                break
+            final = taken(search, fewer, final)
     search.final = search.fitted_null
     far = tuple(effect.name for effect in final.effects) if leaves_most(final, search.gap_cost) else ()
     return search.fitted_null, Posterior((), None, too_far=far)

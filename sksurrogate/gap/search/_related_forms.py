@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.gap.fit._evidence import C, arrived
 from sksurrogate.gap.search._base import EQUAL, BaseSearch, Wanted
@@ -59,7 +61,7 @@ def enriched(search: SetMoves[C], candidate: C) -> list[C]:
     found: list[C] = []
     for i, effect in enumerate(candidate.effects):
         forms = [form for form in search.library if richer(form, effect) and form.key not in candidate.keys]
-        base = candidate.taken_out(i) if forms else None
+        base: Any = candidate.taken_out(i) if forms else None
         if base is not None:
             wanted = Wanted(len(forms), 0, forms, best=candidate.fit.cost)
             found += search.ranked(search.expand(base, wanted), candidate)

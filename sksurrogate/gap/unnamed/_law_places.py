@@ -19,6 +19,7 @@ from sksurrogate.gap.fit._ode import OdeBackend, OdeCandidate
 from sksurrogate.gap.fit._pushes import STEP_OF_SLOPES
 from sksurrogate.gap.unnamed._elements import PARAMETER_STEP, elements_along
 from sksurrogate.gap.unnamed._law_shapes import (
+    AND_ITS_PAST,
     SignalForms,
     laws,
     of_time,
@@ -43,8 +44,8 @@ class PlacedSignal(NamedTuple):
 
     @property
     def place(self) -> tuple[str, str]:
-        """Place and signal."""
-        return self.location, self.signal.variable
+        """Place and signal; a signal with its past is this signal."""
+        return self.location, self.signal.variable.removesuffix(AND_ITS_PAST)
 
 
 def in_all_places(base: OdeCandidate) -> Iterator[PlacedSignal]:
