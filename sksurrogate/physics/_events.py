@@ -10,9 +10,11 @@ import numpy as np
 from sksurrogate.exceptions import SimulatorError
 from sksurrogate.physics._rhs import PointwiseFunction
 
-#: Largest difference between one sample in n and in 2 n substeps, relative to the size of the states.
+#: Largest difference between one sample in n and in 2 n substeps, relative to each state.
 _EVENT_TOLERANCE = 1e-8
-_FEWEST_SUBSTEPS, _MOST_SUBSTEPS_TRIED = 4, 64
+_MOST_SUBSTEPS_TRIED = 64
+#: So many substeps are tried first where there are events, which a longer one may pass over.
+_FEWEST_WITH_EVENTS = 4
 #: Events that one point may have within a substep; with more (a ball at rest) it stays on the event.
 _EVENTS_IN_SUBSTEP = 4
 #: Share of a step after which a point that starts on an event must have risen.
@@ -42,19 +44,20 @@ class EventMap:
             self.pairs.append((when, PointwiseFunction(pair[1], len(states), f"events[{k}] then", states)))
 
     def sample(self, t: Any, x: np.ndarray, u: np.ndarray, p: Mapping[str, Any], dt: float) -> np.ndarray:
-        """States (n_states, n_points) a time ``dt`` later under held inputs, in as many substeps as their error asks for."""
-        times = np.broadcast_to(np.asarray(t, dtype=float), x.shape[1:])
-        n_sub = _FEWEST_SUBSTEPS
+        """States (n_states, n_points) a time ``dt`` later under held inputs, each point in as many substeps as its error asks for."""
+        times, out = np.broadcast_to(np.asarray(t, dtype=float), x.shape[1:]), np.empty_like(x, dtype=float)
+        rows, n_sub = np.arange(x.shape[1]), _FEWEST_WITH_EVENTS if self.pairs else 1
         coarse, _ = self._march(times, x, u, p, dt, n_sub)
         while True:
-            fine, rested = self._march(times, x, u, p, dt, 2 * n_sub)
-            size = np.maximum(np.max(np.abs(x), axis=1), np.max(np.abs(fine), axis=1))[:, None] + 1e-12
-            error = np.abs(fine - coarse) / size
-            error = np.max(error[:, np.isfinite(error).all(axis=0) & ~rested], initial=0.0)
             n_sub *= 2
-            if error <= _EVENT_TOLERANCE or n_sub >= _MOST_SUBSTEPS_TRIED:
-                return fine
-            coarse = fine
+            at = x[:, rows]
+            fine, rested = self._march(times[rows], at, u[:, rows], _of(p, rows), dt, n_sub)
+            out[:, rows] = fine
+            error = np.max(np.abs(fine - coarse) / (np.maximum(np.abs(at), np.abs(fine)) + 1e-12), axis=0)
+            open_ = np.isfinite(error) & ~rested & (error > _EVENT_TOLERANCE)
+            if n_sub >= _MOST_SUBSTEPS_TRIED or not open_.any():
+                return out
+            rows, coarse = rows[open_], fine[:, open_]
 
     def _march(
         self, t: np.ndarray, x: np.ndarray, u: np.ndarray, p: Mapping[str, Any], dt: float, n_sub: int

@@ -79,13 +79,15 @@ class OdeSearch(Expander):
     def run(self) -> Evidence:
         """The whole search; it goes on with the effects left for later that are expected to close most of what the named ones leave.
 
-        Names that leave no more than noise meet those that do what some of them do; where simulations are dear, only several names.
+        Names meet those that do what some of them do; where simulations are dear, only several names.
         """
         found = super().run()
         if not self.later_asked or not found.effects:
             return found
+        if not (self.frugal and len(found.effects) == 1):
+            found = self.met_late_ones(found)
         if found.left < SETTLED:
-            return found if self.frugal and len(found.effects) == 1 else self.met_late_ones(found)
+            return found
         likely = self.late_ones(found.candidate, found.candidate.fit.cost)
         if likely:
             self.report("effects that were left for later")
@@ -99,7 +101,8 @@ class OdeSearch(Expander):
         One stands in the place of several where these are not worth their number; between one and another the posterior decides.
         """
         named, several = found.candidate, len(found.effects) > 1
-        late = [effect for effect in self.later_asked.values() if effect.late or several]  # distant signals are many
+        more = several and found.left < SETTLED  # distant signals are many
+        late = [effect for effect in self.later_asked.values() if effect.late or more]
         for places, effect, theta in twins(named, late, self.guess(named), EQUAL):
             if len(places) == 1 and richer(effect, named.effects[places[0]]):
                 continue  # it contains the named one: what it adds has been found not to be needed
