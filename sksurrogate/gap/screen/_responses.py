@@ -85,6 +85,7 @@ class Responses:
         """Forces at further ports with which the base goes along the path, and its next states with them.
 
         A wrong inertia acts on what is missing too: without these forces heavier joints stand for any force that keeps them back.
+        There is none where the base comes no nearer with it: what enters by its square has no slope at zero.
         """
         ports, record, x = self.problem.plant.further_ports, self.problem.record, self.smoothed.x
         rows = (
@@ -96,10 +97,17 @@ class Responses:
         missed[:, record.starts[1:] - 1] = 0.0
         if not (len(ports) and np.isfinite(pushes).all() and np.isfinite(missed).all()):
             return (), self.after
-        forces = following(pushes, missed, self.base.model.scale[rows])
-        held = tuple(HeldForce(port, values) for port, values in zip(ports, forces))
+        scale = self.base.model.scale[rows]
+        forces = following(pushes, missed, scale)
+        after = self.held(forces)[1]
+        still = np.linalg.norm(((missed - (after - self.after)[rows, 0]).T / scale), axis=1)
+        return self.held(np.where(still < np.linalg.norm(missed.T / scale, axis=1), forces, 0.0))
+
+    def held(self, forces: np.ndarray) -> tuple[tuple[HeldForce, ...], np.ndarray]:
+        """Forces (n_ports, n_samples) at further ports, and the next states with them."""
+        held = tuple(HeldForce(port, own) for port, own in zip(self.problem.plant.further_ports, forces))
         model = self.problem.augmented((*self.base.effects, *held))
-        return held, model.bind(self.base.fit.theta[:, None])(x[:, None])
+        return held, model.bind(self.base.fit.theta[:, None])(self.smoothed.x[:, None])
 
     def columns(self, effect: BaseEffect, starts: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:
         """Change of the measured outputs for every start (n_parameters, n_starts): (n_outputs, n_starts, n_samples); trajectories."""
