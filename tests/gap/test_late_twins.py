@@ -7,9 +7,11 @@ import pytest
 from sksurrogate.effects import CATALOGUE, AugmentedSimulator
 from sksurrogate.gap import GapDiagnoser
 from sksurrogate.gap.fit._build import build_problem
+from sksurrogate.gap.screen._responses import Responses
 from sksurrogate.gap.screen._twins import twins
+from sksurrogate.kernels.output_error import free_run
 from sksurrogate.kernels.record import Record
-from sksurrogate.physics import ODESimulator
+from sksurrogate.physics import ClosedLoopSimulator, ODESimulator, StepSimulator
 from sksurrogate.physics._model import PlantModel
 from sksurrogate.physics._simulator import describe
 
@@ -80,3 +82,35 @@ def test_a_dependence_takes_the_place_of_two_names_beside_a_third():
     assert any(DEPENDENCE in one for one in found) and any(("quadratic_loss", "y", "y") in one for one in found)
     slope, offset = next(e.params for e in report.effects if e.name == "parameter_dependence").values()
     assert (slope, offset) == (pytest.approx(0.3, abs=0.01), pytest.approx(0.2, abs=0.01))
+
+
+def heated_loop(R):
+    """A block that is heated by the square of the volts of a controller, which are below zero never and at zero often."""
+    plant = ODESimulator(
+        lambda t, x, u, p: [(u[0] ** 2 / p["R"] - 0.95 * (x[0] - 23.0)) / 40.0],
+        states=["block"], inputs=["volts"], outputs=["block"], params={"R": R}, dt=1.0, x0=[40.0],
+    )  # fmt: skip
+    controller = StepSimulator(
+        lambda t, x, u, p, dt: [np.clip(x[0] + 0.03 * (u[0] - u[1]), 0, 24)], states=["sum"], inputs=["aim", "block"],
+        outputs=["volts"], output=lambda t, x, u, p: [np.clip(1.6 * (u[0] - u[1]) + x[0], 0, 24)], dt=1.0, x0=[8.0],
+    )  # fmt: skip
+    return ClosedLoopSimulator(plant, controller, outputs=["block", "volts"])
+
+
+def test_no_force_along_the_path_where_a_port_has_no_slope():
+    """At zero volts a small lack of heat would take hundreds of volts, and their square would be no small lack."""
+    loop, aim = heated_loop(4.6), np.repeat([80.0, 45.0, 70.0, 40.0], 40)[:, None]
+    plant = describe(loop, n_inputs=1, n_outputs=2, dt=1.0)
+    y = heated_loop(5.6).simulate(aim) + np.random.default_rng(0).normal(0.0, 0.05, (len(aim), 2))
+    record = Record.from_runs([aim], [y], [np.arange(float(len(aim)))], 1.0)
+    problem, smoothed = build_problem(plant, PlantModel(plant), record, (), ("block",))
+    responses = Responses(problem.fit((), np.zeros(0), smoothed.x), smoothed.x)
+    error, theta, start = CATALOGUE["parameter_error"]("R"), np.array([[0.1]]), smoothed.x[:, [0]]
+    column = responses.columns(error, theta)[0][:, 0]
+    runs = []
+    for effects, values in (((error,), theta), ((), np.zeros((0, 1)))):
+        model = problem.augmented(effects)
+        runs.append(model.bind(values).outputs(free_run(model, values[:, 0], start)[:, None])[:, 0])
+    moved = runs[0] - runs[1]
+    assert plant.further_ports and np.abs(responses.along[0][0].values).max() < 24.0
+    assert np.linalg.norm(column - moved) < 2.0 * np.linalg.norm(moved)  # to first order, in a loop that saturates
