@@ -17,6 +17,7 @@ import numpy as np
 import physical_plants_access  # noqa: F401
 import physical_plants_fields  # noqa: F401
 import physical_plants_imperfect  # noqa: F401
+import physical_plants_labs  # noqa: F401
 import physical_plants_messy  # noqa: F401
 import physical_plants_one  # noqa: F401
 import physical_plants_other  # noqa: F401
