@@ -22,6 +22,7 @@ import physical_plants_messy  # noqa: F401
 import physical_plants_one  # noqa: F401
 import physical_plants_other  # noqa: F401
 import physical_plants_rigs  # noqa: F401
+import physical_plants_robots  # noqa: F401
 import physical_plants_service  # noqa: F401
 import physical_plants_si  # noqa: F401
 import physical_plants_starts  # noqa: F401
