@@ -8,6 +8,7 @@ from sklearn.base import clone
 
 from sksurrogate.exceptions import SimulatorError
 from sksurrogate.physics import CalibratedSimulator, ODESimulator
+from sksurrogate.physics._events import EventMap
 from sksurrogate.testing import check_simulator
 
 
@@ -80,3 +81,24 @@ def test_calibration_goes_through_a_bounce():
 def test_mistakes_speak(options, message):
     with pytest.raises(SimulatorError, match=message):
         ball(**options).simulate(np.zeros((40, 1)))
+
+
+def test_every_point_takes_the_substeps_that_it_needs():
+    """Decays of rates from slow to fast, against their exponentials; a point does not depend on those beside it."""
+    calls = []
+
+    def decay(t, x, u, p):
+        calls.append(np.shape(x)[-1])
+        return (u[0] - p["k"] * x[0],)
+
+    samples, k = EventMap(decay, (), ["x"]), np.array([0.01, 0.1, 1.0, 3.0])
+    x, u = np.full((1, 4), 3.0), np.full((1, 4), 0.5)
+    samples.rhs.probe(0.0, x[:, 0], u[:, 0], {"k": 1.0})
+    calls.clear()
+    found = samples.sample(0.0, x, u, {"k": k}, 1.0)
+    exact = 0.5 / k + (3.0 - 0.5 / k) * np.exp(-k)
+    np.testing.assert_allclose(found[0], exact, rtol=1e-8)
+    assert calls[:12] == [4] * 12 and sum(calls) < 4 * 4 * (1 + 2 + 4 + 8 + 16 + 32 + 64)
+    for i in range(4):
+        alone = samples.sample(0.0, x[:, [i]], u[:, [i]], {"k": k[[i]]}, 1.0)
+        assert alone[0, 0] == found[0, i]
