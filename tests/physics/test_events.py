@@ -97,7 +97,7 @@ def test_every_point_takes_the_substeps_that_it_needs():
     calls.clear()
     found = samples.sample(0.0, x, u, {"k": k}, 1.0)
     exact = 0.5 / k + (3.0 - 0.5 / k) * np.exp(-k)
-    np.testing.assert_allclose(found[0], exact, rtol=1e-8)
+    assert np.all(np.abs(found[0] - exact) < 1e-8 * x[0])
     assert calls[:12] == [4] * 12 and sum(calls) < 4 * 4 * (1 + 2 + 4 + 8 + 16 + 32 + 64)
     for i in range(4):
         alone = samples.sample(0.0, x[:, [i]], u[:, [i]], {"k": k[[i]]}, 1.0)
