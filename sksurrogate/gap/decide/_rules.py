@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from sksurrogate.gap.decide._posterior import CERTAIN_NAME
-from sksurrogate.gap.fit._closeness import FAR, LARGEST_DISTURBANCE, MOST_LEFT, NEAR, SETTLED
+from sksurrogate.gap.fit._closeness import FAR, HALF_THE_POWER, LARGEST_DISTURBANCE, MOST_LEFT, NEAR, SETTLED
 from sksurrogate.gap.fit._evidence import CERTAIN
 from sksurrogate.gap.results._reasons import Reasons
 from sksurrogate.gap.results._shrink import Shrink
@@ -48,11 +48,11 @@ class DecisionFeatures:
 
 
 def certified(shrink: Shrink, likelier: Callable[[], bool]) -> bool:
-    """Whether the effects close most of the gap on runs left out.
+    """Whether the effects close at least half of the gap's power on runs left out.
 
     ``likelier()``: whether runs left out are likelier with them; that counts where no gap is seen beyond the noise.
     """
-    return share_left(shrink) <= MOST_LEFT if np.isfinite(shrink.fraction) else likelier()
+    return share_left(shrink) <= HALF_THE_POWER if np.isfinite(shrink.fraction) else likelier()
 
 
 def share_left(shrink: Shrink) -> float:

@@ -17,9 +17,11 @@ NEAR = 2.0
 FAR = 5.0
 
 # Share of the gap, in amplitude.
-#: Names, or re-tuning alone, that leave more than this explain less of the gap than they leave. Such names do not stand: they fall
-#: before they are weighed, or at their certificate.
+#: What leaves more than this leaves most of the gap.
 MOST_LEFT = 0.5
+#: Names that leave more than this explain less of the gap's power than they leave. Such names do not stand: they fall before they are
+#: weighed, or at their certificate.
+HALF_THE_POWER = 0.5**0.5
 #: A disturbance that moves an output by more than this share of its deviation is not waved through as noise.
 LARGEST_DISTURBANCE = 0.10
 

@@ -13,7 +13,7 @@ import numpy as np
 from sksurrogate._parallel._worker_process import WorkerProcess
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.gap.fit._backend import Backend
-from sksurrogate.gap.fit._closeness import FAR_BY_COST, MOST_LEFT
+from sksurrogate.gap.fit._closeness import FAR_BY_COST, HALF_THE_POWER
 from sksurrogate.gap.fit._evidence import (
     FEW_STEPS,
     C,
@@ -160,8 +160,8 @@ class BaseSearch(ABC, Generic[C]):
 
     @property
     def most_left_cost(self) -> float:
-        """Squared error over the noise that names may leave: :data:`MOST_LEFT` of the gap (their certificate), or what is near the data."""
-        return max(MOST_LEFT**2 * self.gap_cost, FAR_BY_COST * self.noise_cost)
+        """Squared error over the noise that names may leave: half of the gap's (their certificate), or what is near the data."""
+        return max(HALF_THE_POWER**2 * self.gap_cost, FAR_BY_COST * self.noise_cost)
 
     @property
     def fitted_null(self) -> Evidence[C]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from sksurrogate.gap.fit._backend import BaseCandidate
-from sksurrogate.gap.fit._closeness import AT_THE_NOISE, FAR, MOST_LEFT, NEARLY_WHITE
+from sksurrogate.gap.fit._closeness import AT_THE_NOISE, FAR, HALF_THE_POWER, NEARLY_WHITE
 from sksurrogate.gap.fit._evidence import Evidence
 
 #: Sets that leave more than the first share of the gap (amplitude), and of the squared error of one effect less more than the
@@ -34,8 +34,8 @@ def closes_by_size(candidate: Evidence, tolerated: float) -> bool:
 
 
 def leaves_most(candidate: Evidence, gap: float) -> bool:
-    """Whether a set leaves more than :data:`MOST_LEFT` of a gap (squared error over the noise), and more than any noise."""
-    return candidate.left > NEARLY_WHITE and candidate.fit.cost > MOST_LEFT**2 * gap
+    """Whether a set leaves more than half of a gap (squared error over the noise), and more than any noise."""
+    return candidate.left > NEARLY_WHITE and candidate.fit.cost > HALF_THE_POWER**2 * gap
 
 
 def is_stack(candidate: Evidence) -> bool:
