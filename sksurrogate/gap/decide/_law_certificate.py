@@ -51,16 +51,18 @@ def held_out_law(search: OdeSearch, laws: Sequence[FittedLaw], held: HeldOut) ->
 def takes_the_place(
     search: BaseSearch[Any], law: FittedLaw, final: Evidence[OdeCandidate], rest: FittedLaw | None = None
 ) -> bool:
-    """Whether a formula on top of nothing, of fewer parts than names and law, is clearly likelier than these names and the law that they leave.
+    """Whether a formula on top of nothing, of fewer parts than names and law, stands in their place.
 
-    All with the price of their choice.
+    It does if it is clearly likelier than the names alone, or likelier than these with the law that they leave, which has its parts too. All
+    with the price of their choice.
     """
     if law.curve or separate_parts(law.effect.terms) >= len(final.effects) + (rest is not None):
         return False  # parts that share no signal are as many effects
     named = final if rest is None else rest.found
     score = search.order([law.found.candidate, named.candidate])
     price = len(final.effects) * np.log(len(search.library)) + (0.0 if rest is None else rest.price)
-    return bool(score(law.found.candidate) - law.price > score(named.candidate) - price + CERTAIN)
+    needed = CERTAIN if rest is None else 0.0
+    return bool(score(law.found.candidate) - law.price > score(named.candidate) - price + needed)
 
 
 def certified_law(shrink: Shrink) -> bool:
