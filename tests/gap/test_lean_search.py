@@ -107,9 +107,9 @@ def test_a_small_second_effect_that_leads_to_the_noise_is_named_beside_a_large_o
     assert {effect.name for effect in search.final.effects} == {"cubic_stiffness", "quadratic_drag"}
 
 
-def test_no_second_name_is_fitted_where_none_could_close_half_of_the_gap():
+def test_no_second_name_is_fitted_where_none_could_close_half_of_the_power():
     def cogging(x):  # a ripple over the position, of which no sum of the effects has half
-        return 3.0 * np.sin(8.0 * x[0])
+        return 3.0 * np.sin(20.0 * x[0])
 
     search = searched(*recorded(cogging, 0.005))
     null = search.null.candidate

@@ -73,7 +73,7 @@ def test_one_formula_takes_the_place_of_several_names_only_where_it_is_clearly_l
     final = SimpleNamespace(candidate="names", effects=(1, 2, 3))
     assert takes_the_place(search, law, final, beside) is instead
     two = SimpleNamespace(candidate="names", effects=(1, 2))  # as many as the parts of the law, which share no signal
-    assert not takes_the_place(search, law, two, beside)
+    assert takes_the_place(search, law, two, beside) is (instead and rest is not None)
     law.curve = True
     assert not takes_the_place(search, law, final, beside)
 
@@ -134,6 +134,7 @@ def test_a_set_grows_on_from_the_form_that_leads_to_the_noise(leads, grown):
         polish=lambda one: one,
         leads_on=lambda one, n: one.name == leads,
         may_be_named=lambda one: True,
+        richer_form=lambda one: None,
         stand=lambda one: stood.append(one.name) or one,
         one_more=lambda one, passed: asked.append(one.name),
     )
