@@ -15,6 +15,7 @@ from sksurrogate.gap.fit._evidence import C, Evidence
 from sksurrogate.gap.fit._known_parameters import value_of
 from sksurrogate.gap.results._law import Law
 from sksurrogate.gap.search._stopping import STACK
+from sksurrogate.gap.unnamed._formula_fit import FittedLaw
 from sksurrogate.gap.unnamed._law_evidence import place_and_signal
 
 #: Said of names that one law does without, and of so many that leave more than the tolerance.
@@ -72,13 +73,21 @@ class LawStage(DiagnosisState[C]):
         None where the names stand; and the law that they leave, where it was asked for.
         """
         beside, leave_a_law = self.access.law_beside(self.null, self.final, held), verdict == "partial"
-        if beside is None or not (leave_a_law or takes_the_place(self.search, beside.law, self.final)):
+        if beside is None or self.holds_a_name(beside.law):
+            return None, None
+        if not (leave_a_law or takes_the_place(self.search, beside.law, self.final)):
             return None, None
         rest = self.access.law_beside(self.final, self.final, held)
         if not takes_the_place(self.search, beside.law, self.final, None if rest is None else rest.law):
             return None, rest
         after = self.withdraw_names(INSTEAD)
         return replace(beside, held=replace(after, law=beside.held.law)), None
+
+    def holds_a_name(self, law: FittedLaw) -> bool:
+        """Whether the constant of a formula is one of the names: then it has as many parts as the name and the law beside it."""
+        names = {(effect.name, effect.location) for effect in self.final.effects}
+        constant = any(not term.factors for term in law.effect.terms)
+        return constant and (CONSTANTS[law.kind], law.location) in names
 
     def withdraw_names(self, why: str) -> HeldOut:
         """The null stands, measured again on runs left out."""
