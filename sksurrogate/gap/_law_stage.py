@@ -7,7 +7,7 @@ from dataclasses import replace
 from sksurrogate.effects._simulator import AugmentedSimulator
 from sksurrogate.gap._state import DiagnosisState
 from sksurrogate.gap.decide._held_out import HeldOut
-from sksurrogate.gap.decide._law_certificate import CertifiedLaw, law_of, share_of_law, takes_the_place
+from sksurrogate.gap.decide._law_certificate import CONSTANTS, CertifiedLaw, law_of, share_of_law, takes_the_place
 from sksurrogate.gap.decide._one_curve import LARGEST_CORRECTION
 from sksurrogate.gap.decide._rules import first_rule
 from sksurrogate.gap.fit._closeness import NEARLY_WHITE
@@ -15,7 +15,6 @@ from sksurrogate.gap.fit._evidence import C, Evidence
 from sksurrogate.gap.fit._known_parameters import value_of
 from sksurrogate.gap.results._law import Law
 from sksurrogate.gap.search._stopping import STACK
-from sksurrogate.gap.unnamed._formula_fit import FittedLaw
 from sksurrogate.gap.unnamed._law_evidence import place_and_signal
 
 #: Said of names that one law does without, and of so many that leave more than the tolerance.
@@ -24,8 +23,6 @@ LEAVE_A_LAW = (
     "{names} passed the evidence, but together they leave a law that is larger than the tolerance: so many names are rather an "
     "imitation of one missing effect. No name is given."
 )
-#: The effect that adds a constant, by the kind of its place.
-CONSTANTS = {"state": "constant_bias", "input": "input_bias", "output": "sensor_bias", "parameter": "parameter_error"}
 
 
 class LawStage(DiagnosisState[C]):
@@ -73,21 +70,13 @@ class LawStage(DiagnosisState[C]):
         None where the names stand; and the law that they leave, where it was asked for.
         """
         beside, leave_a_law = self.access.law_beside(self.null, self.final, held), verdict == "partial"
-        if beside is None or self.holds_a_name(beside.law):
-            return None, None
-        if not (leave_a_law or takes_the_place(self.search, beside.law, self.final)):
+        if beside is None or not (leave_a_law or takes_the_place(self.search, beside.law, self.final)):
             return None, None
         rest = self.access.law_beside(self.final, self.final, held)
         if not takes_the_place(self.search, beside.law, self.final, None if rest is None else rest.law):
             return None, rest
         after = self.withdraw_names(INSTEAD)
         return replace(beside, held=replace(after, law=beside.held.law)), None
-
-    def holds_a_name(self, law: FittedLaw) -> bool:
-        """Whether the constant of a formula is one of the names: then it has as many parts as the name and the law beside it."""
-        names = {(effect.name, effect.location) for effect in self.final.effects}
-        constant = any(not term.factors for term in law.effect.terms)
-        return constant and (CONSTANTS[law.kind], law.location) in names
 
     def withdraw_names(self, why: str) -> HeldOut:
         """The null stands, measured again on runs left out."""

@@ -64,16 +64,23 @@ def test_one_formula_takes_the_place_of_several_names_only_where_it_is_clearly_l
         return SimpleNamespace(
             curve=False,
             price=price,
+            location="v",
+            kind="state",
             found=SimpleNamespace(candidate=candidate),
             effect=SimpleNamespace(terms=[Term((("drag", "v", 0.0, 0.0),)), Term((("sine", "q", 0.0, 0.0),))]),
         )
 
     search = SimpleNamespace(library=[None] * 100, order=lambda candidates: worths.__getitem__)
     law, beside = found("law", 20.0), None if rest is None else found("names and a law", 15.0)
-    final = SimpleNamespace(candidate="names", effects=(1, 2, 3))
+    names = [SimpleNamespace(name=name, location="v") for name in ("constant_bias", "linear_loss", "bilinear")]
+    final = SimpleNamespace(candidate="names", effects=names)
     assert takes_the_place(search, law, final, beside) is instead
-    two = SimpleNamespace(candidate="names", effects=(1, 2))  # as many as the parts of the law, which share no signal
+    two = SimpleNamespace(
+        candidate="names", effects=names[:2]
+    )  # as many as the parts of the law, which share no signal
     assert takes_the_place(search, law, two, beside) is (instead and rest is not None)
+    law.effect.terms.append(Term(()))  # a constant, which is the first name: one part more
+    assert not takes_the_place(search, law, two, beside)
     law.curve = True
     assert not takes_the_place(search, law, final, beside)
 

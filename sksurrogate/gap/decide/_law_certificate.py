@@ -27,6 +27,9 @@ from sksurrogate.physics._simulator import Plant, units_of
 #: Share of what is left beside the names (amplitude) that a law must close on runs left out.
 CERTIFICATE = 0.15
 
+#: The effect that adds a constant, by the kind of its place.
+CONSTANTS = {"state": "constant_bias", "input": "input_bias", "output": "sensor_bias", "parameter": "parameter_error"}
+
 #: Formulae that are compared again in every fold.
 MOST_FORMULAE = 3
 
@@ -56,13 +59,20 @@ def takes_the_place(
     It does if it is clearly likelier than the names alone, or likelier than these with the law that they leave, which has its parts too. All
     with the price of their choice.
     """
-    if law.curve or separate_parts(law.effect.terms) >= len(final.effects) + (rest is not None):
+    parts = separate_parts(law.effect.terms) + has_a_name_in_it(law, final)
+    if law.curve or parts >= len(final.effects) + (rest is not None):
         return False  # parts that share no signal are as many effects
     named = final if rest is None else rest.found
     score = search.order([law.found.candidate, named.candidate])
     price = len(final.effects) * np.log(len(search.library)) + (0.0 if rest is None else rest.price)
     needed = CERTAIN if rest is None else 0.0
     return bool(score(law.found.candidate) - law.price > score(named.candidate) - price + needed)
+
+
+def has_a_name_in_it(law: FittedLaw, final: Evidence[OdeCandidate]) -> bool:
+    """Whether the constant of a formula is one of the names, which is a part of it then."""
+    names = {(effect.name, effect.location) for effect in final.effects}
+    return any(not term.factors for term in law.effect.terms) and (CONSTANTS[law.kind], law.location) in names
 
 
 def certified_law(shrink: Shrink) -> bool:
