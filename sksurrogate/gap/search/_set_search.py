@@ -104,7 +104,10 @@ class SetSearch(SetMoves[C]):
                 break
 
     def richer_form(self, best: C) -> C | None:
-        """The set with a richer form in the place of one effect; None where none is worth its parameters, or no other effect moved away."""
+        """The set with a richer form in the place of one effect; None where none is worth its parameters.
+
+        Of one effect alone every form has been fitted. Where simulations are dear, none is asked.
+        """
         if self.frugal or len(best.effects) < 2 or self.judged[best].left < SETTLED:
             return None
         trial = enriched(self, best)
