@@ -13,9 +13,9 @@ from sksurrogate._columns import by_name
 from sksurrogate.exceptions import SimulatorError
 from sksurrogate.physics._free_run import raise_if_diverged
 from sksurrogate.physics._mujoco_effects import as_parameters
-from sksurrogate.physics._mujoco_engine import Points
 from sksurrogate.physics._mujoco_march import held_inputs, run_by_rollout, run_in_steps
 from sksurrogate.physics._mujoco_patch import patched
+from sksurrogate.physics._mujoco_points import Points
 from sksurrogate.physics._mujoco_read import NamedModel, whole_steps
 from sksurrogate.physics._mujoco_units import joint_units
 

@@ -6,58 +6,28 @@ import copy
 import os
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from sksurrogate.exceptions import SimulatorError, require
+from sksurrogate.physics._mujoco_equations import MuJoCoEquations
 from sksurrogate.physics._mujoco_layout import read_layout
 from sksurrogate.physics._mujoco_params import assign, colliding, read_parameters
+from sksurrogate.physics._mujoco_points import Points, first_of_equals
 
 #: Numbers that one call of the rollout may write; more are cut into several calls.
 _LARGEST_BLOCK = 4_000_000
 #: Copies of the model that hold different parameters, and the bytes that all of them may take.
 _MOST_COPIES, _MOST_BYTES = 64, 256_000_000
-#: Odd number (the golden ratio of 64 bits) that spreads the bits of a hash.
-_ODD = np.uint64(0x9E3779B97F4A7C15)
+#: Points from which on the equations are faster than MuJoCo.
+FEWEST = 128
+#: Largest difference of the equations from MuJoCo, over the largest value.
+AGREEMENT = 1e-9
 #: Engines of a parent process: their threads do not exist in a forked child, where freeing them would wait for ever.
 _LEFT_BEHIND: list[Any] = []
-
-
-@dataclass(frozen=True)
-class Points:
-    """Where a model is asked.
-
-    Attributes
-    ----------
-    t : ndarray (n_points,)
-    x : ndarray (n_states, n_points)
-    controls : ndarray (n_controls, n_points)
-    forces : ndarray (n_ports, n_points) or None
-        Generalised forces at all degrees of freedom.
-    p : dict of float or of ndarray (n_points,)
-    """
-
-    t: np.ndarray
-    x: np.ndarray
-    controls: np.ndarray
-    forces: np.ndarray | None
-    p: Mapping[str, Any]
-
-    def distinct(self) -> tuple[Points, np.ndarray]:
-        """The points without those that are another again, and which of them each point is.
-
-        Columns of a linearisation or of a line search differ at some samples only: within a window, after a jump.
-        """
-        varied = {name: value for name, value in self.p.items() if np.ndim(value)}
-        rows = [self.t, self.x, self.controls, *([] if self.forces is None else [self.forces]), *varied.values()]
-        first, which = first_of_equals(np.vstack(rows))
-        if len(first) == len(which):
-            return self, which
-        p = {name: value[first] if name in varied else value for name, value in self.p.items()}
-        forces = None if self.forces is None else self.forces[:, first]
-        return Points(self.t[first], self.x[:, first], self.controls[:, first], forces, p), which
 
 
 class Engine:
@@ -139,13 +109,53 @@ class Engine:
         """States (n_states, n_points) a time ``dt`` later, by steps of the model no longer than its own."""
         n_steps = max(1, int(np.ceil(dt / self.timestep - 1e-6)))
         own = abs(dt - n_steps * self.timestep) <= 1e-6 * dt
-        return self._points("step", at, n_steps, None if own else dt / n_steps)[0]
+        timestep = self.timestep if own else dt / n_steps
+        at = self._with_changed(at)
+        if (equations := self._equations_for(at)) is None:
+            return self._points("step", at, n_steps, timestep)[0]
+        out, beyond = equations.step(at, n_steps, timestep)
+        if beyond.any():
+            out[:, beyond] = self._points("step", at.some(beyond), n_steps, timestep)[0]
+        return out
 
     def rates(self, at: Points) -> np.ndarray:
         """Time derivatives (n_states, n_points) of the model's forward dynamics."""
+        at = self._with_changed(at)
+        if (equations := self._equations_for(at)) is None:
+            return self._rates(at)
+        out, beyond = equations.rates(at), equations.beyond(at)
+        if beyond.any():
+            out[:, beyond] = self._rates(at.some(beyond))
+        return out
+
+    def _equations_for(self, at: Points) -> MuJoCoEquations | None:
+        """The model's equations, where they hold and there are so many points that they are faster than MuJoCo."""
+        known = self._equations if at.x.shape[1] >= FEWEST else None
+        return known if known is not None and known.hold(at.p) else None
+
+    def _with_changed(self, at: Points) -> Points:
+        """The points with those parameters alone that differ from the model's."""
+        single, varied = self._differing(at.p)
+        return replace(at, p={**single, **varied})
+
+    @cached_property
+    def _equations(self) -> MuJoCoEquations | None:
+        """None where they do not say what MuJoCo says at random points."""
+        found = MuJoCoEquations.of(self.origin, self.parameters) if self.markov else None
+        if found is None:
+            return None
+        at = found.random_points(FEWEST)
+        after, beyond = found.step(at, 2, self.timestep)
+        mine = np.vstack([found.rates(at), after])
+        theirs = np.vstack([self._rates(at), self._points("step", at, 2, self.timestep)[0]])
+        near = np.abs(mine - theirs) <= AGREEMENT * np.abs(theirs).max(axis=1, keepdims=True)
+        return found if (near | beyond).all() else None
+
+    def _rates(self, at: Points) -> np.ndarray:
+        """The same, by MuJoCo itself."""
         if "rates" not in self._copies:
             self._copies["rates"] = _Copies(self, _explicit(self._copies["step"].first))
-        after, _ = self._points("rates", at, 1, None)
+        after, _ = self._points("rates", at, 1, self.timestep)
         n = len(self.layout.positions)
         out = (after - at.x) / self.timestep
         speeds = at.x[n : n + len(self.layout.velocities)]
@@ -154,9 +164,9 @@ class Engine:
 
     def sensors(self, at: Points) -> np.ndarray:
         """Sensor components (n_components, n_points)."""
-        return self._points("step", at, 1, None)[1]
+        return self._points("step", at, 1, self.timestep)[1]
 
-    def _points(self, kind: str, at: Points, n_steps: int, timestep: float | None) -> tuple[np.ndarray, np.ndarray]:
+    def _points(self, kind: str, at: Points, n_steps: int, timestep: float) -> tuple[np.ndarray, np.ndarray]:
         """States after some steps, and sensors at the points, equal ones computed once; not finite where the model runs away."""
         at, which = at.distinct()
         n_points, n_controls = at.x.shape[1], len(at.controls)
@@ -182,7 +192,7 @@ class Engine:
         return states[which].T, sensors[which].T
 
     def _with_parameters(
-        self, kind: str, p: Mapping[str, Any], sound: np.ndarray, timestep: float | None
+        self, kind: str, p: Mapping[str, Any], sound: np.ndarray, timestep: float
     ) -> Iterator[tuple[list[Any], np.ndarray]]:
         """Models with their parameters, one for all or one each, and the points (numbers) that belong to them."""
         copies = self._copies[kind]
@@ -258,11 +268,11 @@ class Engine:
         states[:, 0] = X0
         sound = np.all(np.isfinite(start), axis=1)
         block = max(1, _LARGEST_BLOCK // (n_steps * (len(self.rest) + width)))
-        for models, able in self._with_parameters("step", p, sound, None):
+        for models, able in self._with_parameters("step", p, sound, self.timestep):
             for a in range(0, len(able), block):
                 some = able[a : a + block]
                 with silent():
-                    full, read = self._rollout(models, start[some], controls[some], None)
+                    full, read = self._rollout(models, start[some], controls[some], self.timestep)
                 states[some, 1:] = full[:, rows[1:] - 1, 1 : 1 + self.n_states]
                 sensors[some] = read[:, rows]
         return states, sensors
@@ -273,7 +283,7 @@ class Engine:
         It takes times, states (n_states, n_runs) and what enters (n_controls + n_ports, n_runs), and gives the states one step later;
         nan where the model cannot have the parameters. To be called within :func:`silent`.
         """
-        found = list(self._with_parameters("step", p, np.ones(1, dtype=bool), None))
+        found = list(self._with_parameters("step", p, np.ones(1, dtype=bool), self.timestep))
 
         def step(t: Any, x: np.ndarray, control: np.ndarray) -> np.ndarray:
             if not found:
@@ -281,13 +291,13 @@ class Engine:
             start = np.empty((x.shape[1], len(self.rest)))
             start[:] = self.rest
             start[:, 0], start[:, 1 : 1 + self.n_states] = t, x.T
-            full, _ = self._rollout(found[0][0], start, control.T[:, None], None)
+            full, _ = self._rollout(found[0][0], start, control.T[:, None], self.timestep)
             return full[:, 0, 1 : 1 + self.n_states].T
 
         return step
 
     def _rollout(
-        self, models: list[Any], start: np.ndarray, control: np.ndarray, timestep: float | None
+        self, models: list[Any], start: np.ndarray, control: np.ndarray, timestep: float
     ) -> tuple[np.ndarray, np.ndarray]:
         """States (n, n_steps, n_full) and sensors; nan from where the clock of a run stands still: it ran away there."""
         n, n_steps = control.shape[:2]
@@ -296,8 +306,7 @@ class Engine:
             models * n if len(models) == 1 else models, self._data, start, np.ascontiguousarray(control),
             control_spec=self._control, skip_checks=True, nstep=n_steps, state=full, sensordata=read,
         )  # fmt: skip
-        h = self.timestep if timestep is None else timestep
-        late = np.abs(full[:, :, 0] - start[:, :1] - h * np.arange(1, n_steps + 1)) > 0.5 * h
+        late = np.abs(full[:, :, 0] - start[:, :1] - timestep * np.arange(1, n_steps + 1)) > 0.5 * timestep
         if late.any():
             full[late], read[late] = np.nan, np.nan
         return full, read
@@ -314,7 +323,7 @@ class _Copies:
         mujoco = require("mujoco", "mujoco")
         self._scratch, self._set_const = mujoco.MjData(first), mujoco.mj_setConst
 
-    def get(self, k: int, values: dict[str, float], timestep: float | None) -> Any:
+    def get(self, k: int, values: dict[str, float], timestep: float) -> Any:
         """Copy k with these parameters in place of the model's own."""
         while len(self._models) <= k:
             self._models.append(copy.copy(self.first))
@@ -327,7 +336,7 @@ class _Copies:
             if any(known[name].leads for name in (*own, *values)):
                 self._set_const(model, self._scratch)
             self._values[k] = dict(values)
-        model.opt.timestep = self.engine.timestep if timestep is None else timestep
+        model.opt.timestep = timestep
         return model
 
 
@@ -357,27 +366,6 @@ def _explicit(model: Any) -> Any:
     exact = out.actuator_dyntype == int(mujoco.mjtDyn.mjDYN_FILTEREXACT)
     out.actuator_dyntype[exact] = int(mujoco.mjtDyn.mjDYN_FILTER)
     return out
-
-
-def first_of_equals(columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Places of the first of equal columns, in their order, and which of them each column is.
-
-    Columns are looked up by a hash of their bits: none is sorted, as :func:`numpy.unique` sorts them along an axis.
-
-    >>> first, which = first_of_equals(np.array([[2.0, 1.0, 2.0], [0.5, 0.5, 0.5]]))
-    >>> first.tolist(), which.tolist()
-    ([0, 1], [0, 1, 0])
-    """
-    bits = (np.ascontiguousarray(columns, dtype=float) + 0.0).view(np.uint64)  # -0 becomes 0
-    key = np.zeros(bits.shape[1], np.uint64)
-    for row in bits:
-        key = (key ^ row) * _ODD
-        key ^= key >> np.uint64(32)
-    _, first, which = np.unique(key, return_index=True, return_inverse=True)
-    if not np.array_equal(bits[:, first[which]], bits):  # different columns with one hash
-        return np.arange(len(key)), np.arange(len(key))
-    order = np.argsort(first)
-    return first[order], np.argsort(order)[which]
 
 
 @contextmanager

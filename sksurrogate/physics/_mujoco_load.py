@@ -31,7 +31,7 @@ def _ends(model: Any, geom: int) -> list[np.ndarray]:
     """Both ends of the long axis of a geom, in the frame of its body."""
     centre, half = model.geom_aabb[geom, :3], model.geom_aabb[geom, 3:]
     reach = np.where(np.arange(3) == np.argmax(half), np.max(half) - np.min(half), 0.0)
-    turn = _matrix(model.geom_quat[geom])
+    turn = matrix_of(model.geom_quat[geom])
     return [model.geom_pos[geom] + turn @ (centre + sign * reach) for sign in (1.0, -1.0)]
 
 
@@ -89,7 +89,7 @@ class Weight:
         """Give the body of a model a mass and a load; another mass is the same shape of another density, its inertia goes with it."""
         centre, turn, inertia = self.centre, self.turn, self.inertia * (mass / self.mass)
         if load and self.tip is not None:
-            axes = _matrix(turn)
+            axes = matrix_of(turn)
             centre, whole = loaded(mass, centre, axes @ np.diag(inertia) @ axes.T, load, self.tip)
             inertia, axes = np.linalg.eigh(whole)
             turn = _quaternion(axes * np.linalg.det(axes))
@@ -100,7 +100,7 @@ class Weight:
             getattr(model, name)[rows] = NO_FRAME if load else given
 
 
-def _matrix(quaternion: np.ndarray) -> np.ndarray:
+def matrix_of(quaternion: np.ndarray) -> np.ndarray:
     """Rotation matrix of a unit quaternion."""
     out = np.empty(9)
     require("mujoco", "mujoco").mju_quat2Mat(out, quaternion)

@@ -26,7 +26,7 @@ def test_a_copy_holds_all_that_follows_from_its_parameters(name):
     engine = MuJoCoSimulator(ARM)._engine()
     copies, value = engine._copies["step"], engine.parameters[name].value
     for given in ({name: value + 0.3}, {"upper.mass": 1.4}, {name: value + 0.2}):
-        written = numbers(copies.get(0, given, None))
+        written = numbers(copies.get(0, given, engine.timestep))
         anew = numbers(engine.with_values(given))
         assert [key for key, array in anew.items() if not np.array_equal(written[key], array)] == []
 

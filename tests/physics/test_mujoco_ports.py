@@ -159,7 +159,7 @@ def test_the_model_that_is_written_says_what_it_cannot_hold(tmp_path):
 
 
 def test_the_first_of_equal_columns_are_as_many_as_those_of_numpy():
-    from sksurrogate.physics._mujoco_engine import first_of_equals
+    from sksurrogate.physics._mujoco_points import first_of_equals
 
     table = np.random.default_rng(0).integers(0, 3, size=(3, 200)).astype(float)
     table[table == 0.0] = np.resize([0.0, -0.0], np.sum(table == 0.0))
@@ -182,6 +182,7 @@ def test_points_that_are_equal_are_computed_once(monkeypatch):
         return rollout(models, start, *rest)
 
     monkeypatch.setattr(engine, "_rollout", counted)
+    monkeypatch.setattr(engine, "_equations", None)  # of MuJoCo, not by equations
     again = rng.integers(0, 6, size=200)
     assert np.array_equal(simulator.step(*(part_of(part, again) for part in points)), alone[:, again])
     assert sum(asked) == 6

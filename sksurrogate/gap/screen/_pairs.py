@@ -123,7 +123,8 @@ class _Columns:
         assert screen.columns is not None
         few = len(screen.known)
         # Of a fitted parameter: in single precision squares of 1e20 would be infinite. Powers of two add no rounding.
-        unit = np.exp2(np.frexp(np.abs(screen.known[1:]).max(axis=(1, 2), initial=1e-300))[1])
+        size = np.abs(screen.known[1:]).max(axis=(1, 2))
+        unit = np.exp2(np.frexp(np.where(size > 0.0, size, 1.0))[1])  # 0 of one that these data do not see
         scaled = np.concatenate([screen.known[:1], screen.known[1:] / unit[:, None, None]])
         precision, pull = screen.precision / unit**2, screen.pull / unit
         stack = np.concatenate([scaled.astype(np.float32), screen.columns])
