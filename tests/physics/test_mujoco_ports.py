@@ -181,8 +181,8 @@ def test_points_that_are_equal_are_computed_once(monkeypatch):
         asked.append(len(start))
         return rollout(models, start, *rest)
 
-    monkeypatch.setattr(engine, "_rollout", counted)
     monkeypatch.setattr(engine, "_equations", None)  # of MuJoCo, not by equations
+    monkeypatch.setattr(engine, "_rollout", counted)
     again = rng.integers(0, 6, size=200)
     assert np.array_equal(simulator.step(*(part_of(part, again) for part in points)), alone[:, again])
     assert sum(asked) == 6
