@@ -8,6 +8,7 @@ import pytest
 from sksurrogate.effects import CATALOGUE
 from sksurrogate.gap.decide import _choice_by_fold
 from sksurrogate.gap.search import _fit_from_starts
+from sksurrogate.gap.search._set_moves import acts
 from sksurrogate.gap.search._trajectory_search import TrajectorySearch, _fit
 from sksurrogate.kernels.record import Record
 
@@ -43,6 +44,16 @@ def test_in_place_of_a_single_name_stand_those_that_were_compared_with_it():
     one, two = (SimpleNamespace(effects=("x",) * n, candidate=None) for n in (1, 2))
     assert TrajectorySearch.in_place_of(search, one, 0) == ["a", "b"] and not calls
     assert TrajectorySearch.in_place_of(search, two, 1) == [] and calls == [1]
+
+
+def test_an_effect_that_does_nothing_is_no_candidate():
+    effects = [CATALOGUE[name]("y") for name in ("sensor_lag", "sensor_delay", "sensor_rectification")]
+
+    def candidate(*values):
+        return SimpleNamespace(effects=effects, theta_of=lambda i: np.array(values[i]))
+
+    assert acts(candidate([11.0], [0.1], []))
+    assert not acts(candidate([11.0], [0.0], []))
 
 
 def test_the_slope_of_a_linear_effect_is_what_its_start_changes_over_its_size():

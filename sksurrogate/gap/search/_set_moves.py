@@ -11,6 +11,7 @@ import numpy as np
 
 from sksurrogate._parallel._parallel_map import side_by_side
 from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.gap.fit._backend import BaseCandidate
 from sksurrogate.gap.fit._closeness import AT_THE_NOISE
 from sksurrogate.gap.fit._evidence import FEW_STEPS, C, Evidence, estimate_noise, judged_under
 from sksurrogate.gap.fit._rounding import names_steps
@@ -74,9 +75,7 @@ class SetMoves(BaseSearch[C]):
     # ---- steps ------------------------------------------------------------------------------------------------------
     def ranked(self, candidates: Iterable[C], base: C) -> list[C]:
         """Candidates by penalised likelihood, the best under their own noise, the others by a quick look."""
-        candidates = [
-            candidate for candidate in candidates if not self.diverged(candidate) and self.plausible(candidate)
-        ]
+        candidates = [one for one in candidates if not self.diverged(one) and self.plausible(one) and acts(one)]
         if not candidates:
             return []
         noise, _, curvature = (self.own(base) or replace(self.fitted_null, curvature=None)).judgement
@@ -158,3 +157,9 @@ class SetMoves(BaseSearch[C]):
             if candidate is start:
                 break
         return candidate
+
+
+def acts(candidate: BaseCandidate) -> bool:
+    """Whether no effect has the magnitude at which it does nothing: such a set is a smaller one at the price of a parameter."""
+    magnitudes = ((effect.parameters, candidate.theta_of(i)) for i, effect in enumerate(candidate.effects))
+    return all(not parameters or theta[0] != parameters[0].null for parameters, theta in magnitudes)
