@@ -201,7 +201,8 @@ class MuJoCoSimulator(NamedModel):
     def output(self, t: Any, x: Any, u: Any, p: Mapping[str, Any], forces: Any = None) -> np.ndarray:
         """Outputs (n_outputs, *s), where some are sensors. Arguments as in :meth:`rhs`."""
         shape, at = self._points(t, x, u, p, forces)
-        read = self._engine().sensors(at)
+        same = {*self.states, *self._engine().layout.same}
+        read = np.empty(0) if same.issuperset(self.outputs) else self._engine().sensors(at)
         return self._select(at.x, read, axis=0).reshape(-1, *shape)
 
     def _points(self, t: Any, x: Any, u: Any, p: Mapping[str, Any], forces: Any) -> tuple[tuple[int, ...], Points]:
@@ -227,12 +228,14 @@ class MuJoCoSimulator(NamedModel):
     def _select(self, states: np.ndarray, sensors: np.ndarray, axis: int) -> np.ndarray:
         """Outputs, stacked along an axis, from states and sensor components."""
         layout = self._engine().layout
-        known = layout.states
-        parts = [
-            np.take(states, known.index(name), axis) if name in known else np.take(sensors, layout.sensors[name], axis)
-            for name in self.outputs
-        ]
-        return np.stack(parts, axis)
+        rows = dict(zip(layout.states, np.moveaxis(states, axis, 0)))
+        same = {name: rows[state] for name, state in layout.same.items()}
+        rows = {
+            **{name: np.take(sensors, k, axis) for name, k in layout.sensors.items() if sensors.size},
+            **same,
+            **rows,
+        }
+        return np.stack([rows[name] for name in self.outputs], axis)
 
     # ---- runs -------------------------------------------------------------------------------------------------------
     def simulate(self, U: Any, x0: Any = None, t: Any = None) -> np.ndarray:

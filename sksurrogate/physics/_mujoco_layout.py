@@ -28,6 +28,8 @@ class Layout:
         One name for each degree of freedom: a generalised force enters there.
     sensors : dict of int
         Place of every sensor component in ``sensordata``.
+    same : dict of str
+        The state that a sensor reads, by its name.
     slopes : ndarray (n_scalars, 2) of int
         Positions whose rate is a velocity: place in ``qpos``, place in ``qvel``.
     quaternions : ndarray (n_quaternions, 2) of int
@@ -40,6 +42,7 @@ class Layout:
     controls: tuple[str, ...]
     ports: tuple[str, ...]
     sensors: dict[str, int]
+    same: dict[str, str]
     slopes: np.ndarray
     quaternions: np.ndarray
 
@@ -83,11 +86,12 @@ def read_layout(model: Any) -> Layout:
         for i, (first, size) in enumerate(zip(model.sensor_adr, model.sensor_dim))
         for k, part in enumerate(_parts(name_of(model, "sensor", i), int(size)))
     ]
-    own = _sensors_of_states(model)
-    _check_distinct((*positions, *velocities, *activations, *(name for name, _ in sensors if name not in own)))
+    read = _states_of_sensors(model)
+    others = [name for name, _ in sensors if read.get(name) != name]
+    _check_distinct((*positions, *velocities, *activations, *others))
     _check_distinct((*controls, *ports))
     return Layout(
-        tuple(positions), tuple(velocities), activations, controls, tuple(ports), dict(sensors),
+        tuple(positions), tuple(velocities), activations, controls, tuple(ports), dict(sensors), read,
         np.array(slopes, dtype=int).reshape(-1, 2), np.array(quaternions, dtype=int).reshape(-1, 2),
     )  # fmt: skip
 
@@ -102,17 +106,16 @@ def _check_distinct(names: tuple[str, ...]) -> None:
         )
 
 
-def _sensors_of_states(model: Any) -> set[str]:
-    """Sensors that read a state and have its name."""
+def _states_of_sensors(model: Any) -> dict[str, str]:
+    """Sensors that read a state, and nothing else of it than its value."""
     kinds = require("mujoco", "mujoco").mjtSensor
     ends = {int(kinds.mjSENS_JOINTPOS): "pos", int(kinds.mjSENS_JOINTVEL): "vel"}
-    pairs = enumerate(zip(model.sensor_type.tolist(), model.sensor_objid.tolist()))
-    own = {
+    columns = model.sensor_type.tolist(), model.sensor_objid.tolist(), model.sensor_cutoff.tolist()
+    return {
         name_of(model, "sensor", i): f"{name_of(model, 'joint', j)}.{ends[kind]}"
-        for i, (kind, j) in pairs
-        if kind in ends
+        for i, (kind, j, cutoff) in enumerate(zip(*columns))
+        if kind in ends and not cutoff
     }
-    return {sensor for sensor, state in own.items() if sensor == state}
 
 
 def _joints(

@@ -203,3 +203,25 @@ def test_a_model_in_a_file_is_not_looked_up_at_every_step(tmp_path, monkeypatch)
     monkeypatch.setattr(MuJoCoSimulator, "ports", property(lambda self: asked.append(1) or ports(self)))
     assert plant.ports == plant.ports == (*plant.inputs, "shoulder", "elbow")
     assert len(asked) <= 1
+
+
+def test_sensors_of_joints_are_read_from_the_states(monkeypatch):
+    """By rows of a run and at single points alike; one with a cutoff is read by MuJoCo."""
+    sensors = (
+        '<sensor><jointpos name="angle" joint="elbow"/><jointvel name="speed" joint="elbow" cutoff="0.5"/></sensor>'
+    )
+    simulator = MuJoCoSimulator(
+        ARM.replace("</mujoco>", f"{sensors}</mujoco>"), outputs=["angle", "elbow.vel"], dt=0.01
+    )
+    U = np.random.default_rng(2).normal(0, 3, (50, len(simulator.inputs)))
+    X = simulator.simulate_states(U)[0].T
+    expected = X[[simulator.states.index("elbow.pos"), simulator.states.index("elbow.vel")]]
+    np.testing.assert_array_equal(simulator.simulate(U).T, expected)
+    clipped = simulator.set_params(outputs=["angle", "speed"])
+    np.testing.assert_allclose(
+        clipped.output(0.0, X, U.T, {}), [expected[0], np.clip(expected[1], -0.5, 0.5)], atol=1e-12
+    )
+    assert np.abs(expected[1]).max() > 0.5
+    monkeypatch.setattr(simulator._engine(), "sensors", lambda at: pytest.fail("MuJoCo was asked"))
+    simulator.set_params(outputs=["angle", "elbow.vel"])
+    np.testing.assert_array_equal(simulator.output(0.0, X, U.T, {}), expected)
