@@ -88,7 +88,8 @@ class MuJoCoSimulator(NamedModel):
     ``simulate`` takes the same steps as ``mujoco.mj_step``: same integrator, same timestep, same numbers. ``rhs`` is the forward
     dynamics, the limit of short steps: the same as ``mujoco.mj_forward``. A diagnosis uses the steps (``exact_step``), but with
     ``integrator="RK4"``, which solves the forward dynamics accurately, these: as few steps as the noise allows. Points and runs go through
-    MuJoCo's batched rollout, with one copy of the model for each set of parameters. Models with a memory beyond these states (delayed
+    MuJoCo's batched rollout, with one copy of the model for each set of parameters; many points of a tree of hinges and slides on which
+    nothing else acts through its equations of motion, which agree to rounding. Models with a memory beyond these states (delayed
     actuators or sensors, plastic joints, plugins) give trajectories only. Inputs are held over a sample. A sensor's row k is its
     reading at the state and input of row k.
 
@@ -230,11 +231,8 @@ class MuJoCoSimulator(NamedModel):
         layout = self._engine().layout
         rows = dict(zip(layout.states, np.moveaxis(states, axis, 0)))
         same = {name: rows[state] for name, state in layout.same.items()}
-        rows = {
-            **{name: np.take(sensors, k, axis) for name, k in layout.sensors.items() if sensors.size},
-            **same,
-            **rows,
-        }
+        read = {name: np.take(sensors, k, axis) for name, k in layout.sensors.items() if sensors.size}
+        rows = {**read, **same, **rows}
         return np.stack([rows[name] for name in self.outputs], axis)
 
     # ---- runs -------------------------------------------------------------------------------------------------------
