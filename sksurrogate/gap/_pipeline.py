@@ -13,6 +13,7 @@ import numpy as np
 
 from sksurrogate._parallel._worker_process import PendingAnswer
 from sksurrogate.effects._catalogue import name_of
+from sksurrogate.effects._parameter import constant_in_time
 from sksurrogate.effects._ports import kind_at
 from sksurrogate.gap._law_stage import LawStage
 from sksurrogate.gap._progress import INTERRUPTED, SOON, Progress, Stage, quiet
@@ -320,6 +321,9 @@ class DiagnosisPipeline(LawStage[C]):
         notes += self.access.notes(final, verdict)
         notes += self.from_run_to_run() if verdict != "none" else []
         notes += [*_notes.at_a_bound(self.retuned()), *_notes.lost_candidates(list(self.search.lost))]
+        wrong = [i for i, effect in enumerate(final.effects) if constant_in_time(effect)]
+        errors = {str(final.effects[i].location): float(final.candidate.theta_of(i)[0]) for i in wrong}
+        notes += _notes.changed_signs(problem.plant.params, errors)
         loop = closed_loop(problem.record, final.fit.y, problem.plant.inputs)
         if loop is not None and final.left < FAR:  # what is left must be noise, not the gap itself
             notes.append(LOOP.format(name=loop))

@@ -233,3 +233,20 @@ def test_friction_that_acts_elsewhere_than_where_it_is_plausible_gets_no_name(da
     wrong = diagnosed(model, (U - 1.0, y, runs), plausible=[("*friction", "b")], **settings)
     assert not wrong.effects and wrong.verdict == "unknown"
     assert not any(row["name"] == "coulomb_friction" and row["location"] == "a" for row in wrong.ranking)
+
+
+def test_a_parameter_with_the_wrong_sign_is_named_and_said_to_be_one():
+    def pendulum(k):
+        def rhs(t, x, u, p):
+            return x[1], u[0] - 2 * x[0] - p["b"] * x[1] - p["k"] * np.sin(x[0])
+
+        return ODESimulator(rhs, states=["q", "v"], inputs=["u"], outputs=["q"], params={"b": 0.3, "k": k}, dt=0.05)
+
+    rng = np.random.default_rng(0)
+    U = np.repeat(rng.uniform(-2, 2, (2, 20)), 15, axis=1)[..., None]
+    Y = pendulum(-0.8).simulate_batch(U) + 0.003 * rng.normal(size=U.shape)
+    runs = np.repeat([0, 1], U.shape[1])
+    report = GapDiagnoser(pendulum(0.8), n_jobs=1).fit(U.reshape(-1, 1), Y.reshape(-1, 1), runs).report_
+    assert [(effect.name, effect.location) for effect in report.effects] == [("parameter_error", "k")]
+    assert report.effects[0].params["relative_error"] == pytest.approx(-2.0, abs=0.01)
+    assert any(note.startswith("k has the other sign (0.8 -> -0.8") for note in report.notes)

@@ -63,6 +63,19 @@ def at_a_bound(retuned: Table) -> list[str]:
     ]
 
 
+def changed_signs(nominal: Mapping[str, float], errors: Mapping[str, float]) -> list[str]:
+    """Parameters whose relative errors, by name, give them another sign.
+
+    >>> changed_signs({"k": 2.0, "b": 400.0}, {"k": -0.1, "b": -1.2225})[0][:43]
+    'b has the other sign (400 -> -89): a mistak'
+    """
+    other = {name: nominal[name] * (1.0 + error) for name, error in errors.items() if error < -1.0 and nominal[name]}
+    found = [f"{name} has the other sign ({nominal[name]:.4g} -> {value:.4g})" for name, value in other.items()]
+    if not found:
+        return []
+    return [f"{'; '.join(found)}: a mistaken sign in the simulator, or the parameter makes up for something else."]
+
+
 def lost_candidates(said: Sequence[str]) -> list[str]:
     """What the simulator raised, the first three of it.
 
