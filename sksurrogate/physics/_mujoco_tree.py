@@ -72,7 +72,8 @@ def is_tree(model: Any) -> bool:
     """Whether nothing in a model is beyond linear joints and actuators; positions of joints with limits may be beyond them."""
     mujoco = require("mujoco", "mujoco")
     plain = mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE
-    harmless = mujoco.mjtDisableBit.mjDSBL_WARMSTART | mujoco.mjtDisableBit.mjDSBL_AUTORESET
+    flags = mujoco.mjtDisableBit
+    harmless = flags.mjDSBL_WARMSTART | flags.mjDSBL_AUTORESET | flags.mjDSBL_CONTACT
     opt, nothing = model.opt, np.zeros(1)
     return bool(
         model.njnt
@@ -80,7 +81,7 @@ def is_tree(model: Any) -> bool:
         and not any(getattr(model, name, 0) for name in COUNTS)
         and not any(np.any(getattr(model, name, nothing)) for name in ZEROS)
         and np.isin(model.actuator_biastype, [int(mujoco.mjtBias.mjBIAS_NONE), int(mujoco.mjtBias.mjBIAS_AFFINE)]).all()
-        and not np.any(colliding(model))
+        and (opt.disableflags & flags.mjDSBL_CONTACT or not np.any(colliding(model)))
         and not (opt.density or opt.viscosity or opt.enableflags or opt.disableactuator or opt.disableflags & ~int(harmless))
         and model.nu == len(model.actuator_trntype)
     )  # fmt: skip

@@ -59,6 +59,14 @@ def test_a_tree_moves_as_in_mujoco_whatever_its_parameters(integrator):
     assert engine._equations is not None
 
 
+def test_contacts_that_are_switched_off_are_none():
+    """Then the option of the model says so, whatever its geoms."""
+    text = TREE.format(**{**PLAIN, "still": ""}).replace(
+        "/><worldbody>", '><flag contact="disable"/></option><worldbody>'
+    )
+    assert MuJoCoSimulator(text)._engine()._equations is not None
+
+
 @pytest.mark.parametrize(
     "changes",
     [
