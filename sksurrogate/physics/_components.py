@@ -135,6 +135,15 @@ def rotation(axis: Vector, angle: Component) -> Matrix:
     )
 
 
+def with_diagonal(A: list[list[Component]], more: list[Component]) -> list[list[Component]]:
+    """A symmetric matrix, its lower triangle given, with something added to its diagonal.
+
+    >>> with_diagonal([[4.0], [2.0, 3.0]], [1.0, 0.0])
+    [[5.0], [2.0, 3.0]]
+    """
+    return [[*row[:k], plus(row[k], extra)] for k, (row, extra) in enumerate(zip(A, more))]
+
+
 def solved(A: list[list[Component]], b: list[Component]) -> list[Component]:
     """``x`` of ``A x = b`` with a symmetric positive definite A, its lower triangle given (``L D L'``).
 

@@ -14,7 +14,8 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from sksurrogate.exceptions import require
-from sksurrogate.physics._components import Component, minus, plus, solved, times
+from sksurrogate.physics._components import Component, is_number, minus, plus, solved, times, with_diagonal
+from sksurrogate.physics._dry_friction import DryFriction, friction_of
 from sksurrogate.physics._mujoco_params import ModelParameter
 from sksurrogate.physics._mujoco_points import Points
 from sksurrogate.physics._mujoco_tree import Drive, Tree, is_tree, read_tree
@@ -24,7 +25,10 @@ from sksurrogate.physics._rigid_tree import bias, mass_matrix
 BLOCK = 4096
 
 #: Quantities of parameters that leave a tree a tree.
-WRITTEN = ("damping", "stiffness", "armature", "mass", "load", "gear", "kp", "kv")
+WRITTEN = ("damping", "frictionloss", "stiffness", "armature", "mass", "load", "gear", "kp", "kv")
+
+#: Quantities of joints, and what a tree calls them.
+AT_JOINTS = {"damping": "damping", "frictionloss": "friction", "armature": "armature", "stiffness": "stiffness"}
 
 #: Positions or velocities, one number or array of points for each joint.
 Joints: TypeAlias = list[Component]
@@ -35,7 +39,7 @@ Accelerations: TypeAlias = Callable[[Joints, Joints], Joints]
 def with_values(tree: Tree, parameters: Mapping[str, ModelParameter], p: Mapping[str, Component]) -> Tree:
     """A tree with parameters in place of the model's own."""
     inertia, drives = list(tree.inertia), list(tree.drives)
-    at_joints = {"damping": list(tree.damping), "armature": list(tree.armature), "stiffness": list(tree.stiffness)}
+    at_joints = {name: list(getattr(tree, field)) for name, field in AT_JOINTS.items()}
     for name, value in p.items():
         one = parameters[name]
         if one.quantity in at_joints:
@@ -46,8 +50,10 @@ def with_values(tree: Tree, parameters: Mapping[str, ModelParameter], p: Mapping
             inertia[link] = inertia[link].with_body(unit.times(more))
         elif one.element == "actuator":
             drives[one.index] = _driven(drives[one.index], one.quantity, value)
-    damping, armature, stiffness = at_joints.values()
-    return tree._replace(inertia=inertia, drives=drives, damping=damping, armature=armature, stiffness=stiffness)
+    damping, friction, armature, stiffness = at_joints.values()
+    return tree._replace(
+        inertia=inertia, drives=drives, damping=damping, friction=friction, armature=armature, stiffness=stiffness
+    )
 
 
 def _driven(drive: Drive, quantity: str, value: Component) -> Drive:
@@ -61,12 +67,12 @@ def _driven(drive: Drive, quantity: str, value: Component) -> Drive:
     return drive._replace(gain=value if of_speed else drive.gain, bias=(own, length, -value))
 
 
-def accelerations(tree: Tree, u: Joints, forces: Joints | None, q: Joints, v: Joints, damped: Joints) -> Joints:
-    """Of all joints: ``(M + damped) a = drives + forces - springs - damping - bias``.
+def accelerations(tree: Tree, u: Joints, forces: Joints | None, q: Joints, v: Joints, damped: Joints | None) -> Joints:
+    """Of all joints: ``M a = drives + forces - springs - damping - bias + dry friction``.
 
     ``u``: inputs of the drives.
     ``forces``: at the joints.
-    ``damped``: what a step adds to the diagonal of the inertia.
+    ``damped``: what a step adds to the diagonal of the inertia once the dry friction is known.
     """
     places = [link.place(minus(a, zero)) for link, a, zero in zip(tree.links, q, tree.zero)]
     M = mass_matrix(tree.links, tree.inertia, places)
@@ -78,16 +84,28 @@ def accelerations(tree: Tree, u: Joints, forces: Joints | None, q: Joints, v: Jo
     for j in range(len(q)):
         spring = times(tree.stiffness[j], minus(q[j], tree.slack[j]))
         torque[j] = minus(torque[j], plus(spring, times(tree.damping[j], v[j]), held[j]))
-        M[j][j] = plus(M[j][j], tree.armature[j], damped[j])
-    return solved(M, torque)
+    M = with_diagonal(M, tree.armature)
+    rubbing = [DryFriction(f, s, k) for f, s, k in zip(tree.friction, softness_at_rest(tree), tree.stopping)]
+    torque = list(map(plus, torque, friction_of(rubbing, M, torque, v)))
+    return solved(M if damped is None else with_diagonal(M, damped), torque)
 
 
-def damped_in_a_step(tree: Tree, model: Any, h: float) -> Joints:
-    """What the model's integrator adds to the inertia, for its step h: the damping at the end of the step."""
+def softness_at_rest(tree: Tree) -> Joints:
+    """Softness of every dry friction, over the inertia that its joint feels where the bodies stand as written."""
+    if all(is_number(loss, 0.0) for loss in tree.friction):
+        return [0.0] * len(tree.links)
+    places = [link.place(0.0) for link in tree.links]
+    M = with_diagonal(mass_matrix(tree.links, tree.inertia, places), tree.armature)
+    units = [[float(i == j) for i in range(len(M))] for j in range(len(M))]
+    return [times(soft, solved(M, unit)[j]) for j, (soft, unit) in enumerate(zip(tree.softness, units))]
+
+
+def damped_in_a_step(tree: Tree, model: Any, h: float) -> Joints | None:
+    """What the model's integrator adds to the inertia, for its step h: the damping at the end of the step; None where it adds none."""
     kinds = require("mujoco", "mujoco").mjtIntegrator
-    implicit: Joints = [0.0] * len(tree.links)
-    if model.opt.integrator in (kinds.mjINT_EULER, kinds.mjINT_IMPLICITFAST):
-        implicit = [times(h, d) for d in tree.damping]
+    if model.opt.integrator == kinds.mjINT_RK4:
+        return None
+    implicit = [times(h, d) for d in tree.damping]
     if model.opt.integrator == kinds.mjINT_IMPLICITFAST:
         for drive in tree.drives:
             j, gear = drive.joint, times(drive.gear, drive.gear)
@@ -143,15 +161,15 @@ class MuJoCoEquations:
 
     @np.errstate(all="ignore")
     def rates(self, at: Points) -> np.ndarray:
-        """Time derivatives (n_states, n_points); nan where the model cannot have the parameters, or something is not finite."""
+        """Time derivatives (n_states, n_points); nan where the equations do not say: an end stop acts, the model cannot have the parameters, ..."""
         out = np.empty_like(at.x)
         for rows, (tree, u, forces, q, v) in self._blocks(at):
-            out[:, rows] = _stacked([*v, *accelerations(tree, u, forces, q, v, [0.0] * len(q))])
-        return np.where(self._sound(at, out), out, np.nan)
+            out[:, rows] = _stacked([*v, *accelerations(tree, u, forces, q, v, None)])
+        return np.where(self._sound(at, out) & ~self._beyond(at.x), out, np.nan)
 
     @np.errstate(all="ignore")
-    def step(self, at: Points, n_steps: int, h: float) -> tuple[np.ndarray, np.ndarray]:
-        """States (n_states, n_points) some steps later, and where an end stop acts on the way (n_points,): they are wrong there."""
+    def step(self, at: Points, n_steps: int, h: float) -> np.ndarray:
+        """States (n_states, n_points) some steps later; nan as in :meth:`rates`."""
         out, beyond = np.empty_like(at.x), np.zeros(at.x.shape[1], dtype=bool)
         order_four = self.model.opt.integrator == require("mujoco", "mujoco").mjtIntegrator.mjINT_RK4
         for rows, (tree, u, forces, q, v) in self._blocks(at):
@@ -160,14 +178,10 @@ class MuJoCoEquations:
                 beyond[rows] |= self._beyond(q)
                 q, v = stepped(solve, q, v, h, order_four)
             out[:, rows] = _stacked([*q, *v])
-        return np.where(self._sound(at, out), out, np.nan), beyond | self._beyond(out[: len(out) // 2])
-
-    def beyond(self, at: Points) -> np.ndarray:
-        """Where an end stop acts (n_points,)."""
-        return self._beyond(at.x[: len(at.x) // 2])
+        return np.where(self._sound(at, out) & ~beyond & ~self._beyond(out), out, np.nan)
 
     def _beyond(self, q: Any) -> np.ndarray:
-        """Of positions, one array for each joint."""
+        """Where an end stop acts (n_points,), by positions: one array for each joint, and what comes behind them."""
         low_high = zip(q, self.tree.limits)
         return np.any([(a <= low) | (a >= high) for a, (low, high) in low_high if low > -np.inf] or [False], axis=0)
 

@@ -1,4 +1,4 @@
-"""A MuJoCo model as a tree of hinges and slides, where it is one and nothing else acts: no contact, tendon, fluid or dry friction."""
+"""A MuJoCo model as a tree of hinges and slides, where it is one and nothing else acts: no contact, tendon or fluid."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ ROUNDING = 1e-14
 COUNTS = ("neq", "ntendon", "nflex", "nplugin", "nmocap", "na", "npair", "nhistory", "nplastic")
 #: Arrays of a model that are zero where its joints and actuators are linear and nothing else pushes.
 ZEROS = (
-    "dof_frictionloss", "dof_dampingpoly", "jnt_stiffnesspoly", "jnt_springyield", "jnt_actfrclimited", "jnt_actgravcomp",
+    "dof_dampingpoly", "jnt_stiffnesspoly", "jnt_springyield", "jnt_actfrclimited", "jnt_actgravcomp",
     "body_gravcomp", "actuator_dyntype", "actuator_gaintype", "actuator_damping", "actuator_dampingpoly", "actuator_armature",
     "actuator_actnum", "actuator_trntype",
 )  # fmt: skip
@@ -59,6 +59,11 @@ class Tree(NamedTuple):
     inertia: list[Inertia]
     per_kilogram: dict[str, tuple[int, Inertia]]
     damping: list[Component]
+    friction: list[Component]  #: Largest dry friction
+    softness: list[
+        float
+    ]  #: Of a dry friction: what a unit of it leaves of the acceleration that would stop the joint, over its own
+    stopping: list[float]  #: A dry friction stops a speed in the inverse of this
     armature: list[Component]
     stiffness: list[Component]
     slack: list[float]  #: Positions of the springs
@@ -84,6 +89,7 @@ def is_tree(model: Any) -> bool:
         and (opt.disableflags & flags.mjDSBL_CONTACT or not np.any(colliding(model)))
         and not (opt.density or opt.viscosity or opt.enableflags or opt.disableactuator or opt.disableflags & ~int(harmless))
         and model.nu == len(model.actuator_trntype)
+        and np.all(model.dof_solref[:, 0] >= 2.0 * opt.timestep)  # below, MuJoCo takes another one, or the numbers mean something else
     )  # fmt: skip
 
 
@@ -110,10 +116,21 @@ def read_tree(model: Any, parameters: Mapping[str, ModelParameter]) -> Tree:
     limited = model.jnt_limited.astype(bool)[:, None]
     inside = model.jnt_range + model.jnt_margin[:, None] * [1.0, -1.0]
     return Tree(
-        links, inertia, per_kilogram, model.dof_damping.tolist(), model.dof_armature.tolist(), model.jnt_stiffness.tolist(),
+        links, inertia, per_kilogram, model.dof_damping.tolist(), model.dof_frictionloss.tolist(), *_of_friction(model),
+        model.dof_armature.tolist(), model.jnt_stiffness.tolist(),
         model.qpos_spring.tolist(), model.qpos0.tolist(), np.where(limited, inside, [-np.inf, np.inf]),
         [_drive(model, i) for i in range(model.nu)], _vector(model.opt.gravity),
     )  # fmt: skip
+
+
+def _of_friction(model: Any) -> tuple[list[float], list[float]]:
+    """Softness of the dry friction of every joint, and how fast it stops it: MuJoCo's impedance at rest, and its reference."""
+    low, high, width = model.dof_solimp[:, :3].T
+    least, most = 1e-4, 1.0 - 1e-4  # of MuJoCo
+    impedance = np.clip(np.where((low == high) | (width <= 1e-15), 0.5 * (low + high), low), least, most)
+    return ((1.0 - impedance) / impedance).tolist(), (
+        2.0 / (np.clip(high, least, most) * model.dof_solref[:, 0])
+    ).tolist()
 
 
 def _links(model: Any) -> tuple[list[Link], dict[int, tuple[int, np.ndarray, np.ndarray]]]:

@@ -45,17 +45,25 @@ def test_a_tree_moves_as_in_mujoco_whatever_its_parameters(integrator):
     engine = engine_of(option=f'integrator="{integrator}"', forces=INTEGRATORS[integrator])
     equations = MuJoCoEquations.of(engine.origin, engine.parameters)
     at = equations.random_points(3 * FEWEST)
-    after, beyond = equations.step(at, 5, engine.timestep)
-    assert not beyond.any()
-    assert {"yaw.stiffness", "spin.armature", "upper.mass", "side.load", "servo.kp", "pace.kv", "push.gear"} <= set(
-        at.p
-    )
+    after = equations.step(at, 5, engine.timestep)
+    assert {
+        "yaw.stiffness",
+        "spin.armature",
+        "upper.mass",
+        "side.load",
+        "lift.frictionloss",
+        "servo.kp",
+        "pace.kv",
+        "push.gear",
+    } <= set(at.p)
     for mine, theirs in (
         (equations.rates(at), engine._rates(at)),
         (after, engine._points("step", at, 5, engine.timestep)[0]),
     ):
-        assert np.isfinite(theirs).all()
-        np.testing.assert_allclose(mine, theirs, rtol=0, atol=AGREEMENT * np.abs(theirs).max())
+        said = ~np.isnan(mine).any(axis=0)
+        assert np.isfinite(theirs).all() and np.mean(said) > 0.95
+        error = np.abs(mine - theirs)[:, said].max(axis=0) / np.abs(theirs).max()
+        assert error.max() < AGREEMENT and np.median(error) < 1e-14
     assert engine._equations is not None
 
 
@@ -72,11 +80,10 @@ def test_contacts_that_are_switched_off_are_none():
     [
         {"option": 'integrator="implicit"'},
         {"option": 'density="1.2"'},
-        {"friction": 'frictionloss="0.1"'},
         {"still": ""},
         {"option": 'integrator="implicitfast"', "forces": "true"},
     ],
-    ids=["another integrator", "a fluid", "dry friction", "contacts", "a clipped force in an implicit step"],
+    ids=["another integrator", "a fluid", "contacts", "a clipped force in an implicit step"],
 )
 def test_mujoco_is_asked_where_the_equations_do_not_hold(changes):
     assert engine_of(**changes)._equations is None
@@ -94,6 +101,19 @@ def test_points_at_an_end_stop_are_asked_of_mujoco():
     np.testing.assert_allclose(engine.step(at, 4 * engine.timestep), own, rtol=1e-7, atol=1e-9)
 
 
+def test_a_dry_friction_holds_a_joint_or_slides_it_as_in_mujoco():
+    """A joint at rest under a torque below the friction, at it, and beyond; through the engine, what the equations leave open too."""
+    engine = engine_of(friction='frictionloss="0.2"')
+    at = engine._equations.random_points(4 * FEWEST)
+    at = Points(at.t, at.x, at.controls, at.forces, {"lift.frictionloss": np.linspace(0.0, 3.0, 4 * FEWEST)})
+    at.x[4:, ::2] = 0.0
+    at.x[4:, 1::4] *= 1e-3
+    np.testing.assert_allclose(engine.rates(at), engine._rates(at), rtol=1e-6, atol=1e-6)
+    without = Points(at.t, at.x, at.controls, at.forces, {"spin.frictionloss": 0.0})
+    held = np.abs(engine.rates(at)[6, ::2]) < 0.2 * np.abs(engine.rates(without)[6, ::2])  # MuJoCo's friction is soft
+    assert held.any() and not held.all()
+
+
 def test_what_a_model_cannot_have_is_nan_by_both():
     engine = engine_of()
     mass = np.where(np.arange(FEWEST) < 5, -1.0, 2.0)
@@ -102,13 +122,6 @@ def test_what_a_model_cannot_have_is_nan_by_both():
     lost = np.isnan(engine.rates(at)).any(axis=0)
     assert np.flatnonzero(lost).tolist() == [0, 1, 2, 3, 4, 7, 8]
     np.testing.assert_array_equal(lost, np.isnan(engine._rates(at)).any(axis=0))
-
-
-def test_a_friction_that_is_a_constraint_is_asked_of_mujoco():
-    engine = engine_of()
-    at = engine._equations.random_points(FEWEST)
-    at.p["rail.frictionloss"] = 0.3
-    np.testing.assert_array_equal(engine.rates(at), engine._rates(engine._with_changed(at)))
 
 
 def test_two_point_masses_on_rods_have_the_equations_of_the_textbook():
