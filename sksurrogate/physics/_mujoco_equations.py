@@ -161,7 +161,10 @@ class MuJoCoEquations:
 
     @np.errstate(all="ignore")
     def rates(self, at: Points) -> np.ndarray:
-        """Time derivatives (n_states, n_points); nan where the equations do not say: an end stop acts, the model cannot have the parameters, ..."""
+        """Time derivatives (n_states, n_points); nan where the equations leave them open.
+
+        That is where an end stop acts, where no guess of what slides is right, and where the model cannot have the parameters.
+        """
         out = np.empty_like(at.x)
         for rows, (tree, u, forces, q, v) in self._blocks(at):
             out[:, rows] = _stacked([*v, *accelerations(tree, u, forces, q, v, None)])
