@@ -79,8 +79,8 @@ def accelerations(tree: Tree, u: Joints, forces: Joints | None, q: Joints, v: Jo
     held = bias(tree.links, tree.inertia, places, v, tree.gravity)
     torque: Joints = [0.0] * len(q) if forces is None else list(forces)
     for drive, value in zip(tree.drives, u):
-        j = drive.joint
-        torque[j] = plus(torque[j], drive.torque(value, q[j], v[j]))
+        for j, own in drive.torques(value, q, v).items():
+            torque[j] = plus(torque[j], own)
     for j in range(len(q)):
         spring = times(tree.stiffness[j], minus(q[j], tree.slack[j]))
         torque[j] = minus(torque[j], plus(spring, times(tree.damping[j], v[j]), held[j]))
@@ -108,8 +108,9 @@ def damped_in_a_step(tree: Tree, model: Any, h: float) -> Joints | None:
     implicit = [times(h, d) for d in tree.damping]
     if model.opt.integrator == kinds.mjINT_IMPLICITFAST:
         for drive in tree.drives:
-            j, gear = drive.joint, times(drive.gear, drive.gear)
-            implicit[j] = minus(implicit[j], times(h, times(gear, drive.bias[2])))
+            for j, arm in drive.arms.items():
+                gear = times(drive.gear, drive.gear)
+                implicit[j] = minus(implicit[j], times(h * arm**2, times(gear, drive.bias[2])))
     return implicit
 
 

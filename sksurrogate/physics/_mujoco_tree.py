@@ -1,4 +1,4 @@
-"""A MuJoCo model as a tree of hinges and slides, where it is one and nothing else acts: no contact, tendon or fluid."""
+"""A MuJoCo model as a tree of hinges and slides, where it is one and nothing else acts: no contact or fluid, no tendon but fixed ones."""
 
 from __future__ import annotations
 
@@ -16,32 +16,41 @@ from sksurrogate.physics._rigid_tree import Inertia, Link
 #: Numbers of a frame below this are rounding.
 ROUNDING = 1e-14
 #: Counts of a model that are zero in a mere tree.
-COUNTS = ("neq", "ntendon", "nflex", "nplugin", "nmocap", "na", "npair", "nhistory", "nplastic")
+COUNTS = ("neq", "nflex", "nplugin", "nmocap", "na", "npair", "nhistory", "nplastic")
 #: Arrays of a model that are zero where its joints and actuators are linear and nothing else pushes.
 ZEROS = (
     "dof_dampingpoly", "jnt_stiffnesspoly", "jnt_springyield", "jnt_actfrclimited", "jnt_actgravcomp",
     "body_gravcomp", "actuator_dyntype", "actuator_gaintype", "actuator_damping", "actuator_dampingpoly", "actuator_armature",
-    "actuator_actnum", "actuator_trntype",
+    "actuator_actnum", "tendon_stiffness", "tendon_stiffnesspoly", "tendon_damping", "tendon_dampingpoly", "tendon_frictionloss",
+    "tendon_limited", "tendon_armature", "tendon_actfrclimited",
 )  # fmt: skip
 
 
 class Drive(NamedTuple):
-    """An actuator: its force is ``gain u + bias[0] + bias[1] length + bias[2] speed``; the joint feels ``gear`` times that."""
+    """An actuator: its force is ``gain u + bias[0] + bias[1] length + bias[2] speed``; a joint feels its arm times ``gear`` times that.
 
-    joint: int
+    ``arms``: joints that it pulls, and by how much its length grows for a unit of each; one joint, or those of a fixed tendon.
+    """
+
+    arms: dict[int, float]
     gear: Component
     gain: Component
     bias: tuple[Component, Component, Component]
     inputs: tuple[float, float] | None  #: Range of u
     forces: tuple[float, float] | None
 
-    def torque(self, u: Component, q: Component, v: Component) -> Component:
-        """Of the joint at a position and a speed."""
+    def torques(self, u: Component, q: Sequence[Component], v: Sequence[Component]) -> dict[int, Component]:
+        """By joint, at positions and speeds of all."""
         u = u if self.inputs is None else np.clip(u, *self.inputs)
         own, length, speed = self.bias
-        rest = (own, times(length, times(self.gear, q)), times(speed, times(self.gear, v)))
+        rest = (own, times(length, self.pulled(q)), times(speed, self.pulled(v)))
         force = plus(times(self.gain, u), *rest)
-        return times(self.gear, force if self.forces is None else np.clip(force, *self.forces))
+        force = times(self.gear, force if self.forces is None else np.clip(force, *self.forces))
+        return {joint: times(arm, force) for joint, arm in self.arms.items()}
+
+    def pulled(self, q: Sequence[Component]) -> Component:
+        """Length, or speed, of the actuator."""
+        return times(self.gear, plus(*(times(arm, q[joint]) for joint, arm in self.arms.items())))
 
 
 class Tree(NamedTuple):
@@ -80,12 +89,14 @@ def is_tree(model: Any) -> bool:
     flags = mujoco.mjtDisableBit
     harmless = flags.mjDSBL_WARMSTART | flags.mjDSBL_AUTORESET | flags.mjDSBL_CONTACT
     opt, nothing = model.opt, np.zeros(1)
+    pulls = [int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_TENDON)]
     return bool(
         model.njnt
         and np.isin(model.jnt_type, [int(kind) for kind in plain]).all()
         and not any(getattr(model, name, 0) for name in COUNTS)
         and not any(np.any(getattr(model, name, nothing)) for name in ZEROS)
         and np.isin(model.actuator_biastype, [int(mujoco.mjtBias.mjBIAS_NONE), int(mujoco.mjtBias.mjBIAS_AFFINE)]).all()
+        and np.isin(model.actuator_trntype, pulls).all() and np.all(model.wrap_type == int(mujoco.mjtWrap.mjWRAP_JOINT))
         and (opt.disableflags & flags.mjDSBL_CONTACT or not np.any(colliding(model)))
         and not (opt.density or opt.viscosity or opt.enableflags or opt.disableactuator or opt.disableflags & ~int(harmless))
         and model.nu == len(model.actuator_trntype)
@@ -166,7 +177,17 @@ def _drive(model: Any, i: int) -> Drive:
     affine = int(model.actuator_biastype[i]) == int(require("mujoco", "mujoco").mjtBias.mjBIAS_AFFINE)
     own = tuple(model.actuator_biasprm[i, :3].tolist()) if affine else (0.0, 0.0, 0.0)
     gear, gain = float(model.actuator_gear[i, 0]), float(model.actuator_gainprm[i, 0])
-    return Drive(int(model.actuator_trnid[i, 0]), gear, gain, own, *low_high)  # type: ignore[arg-type]
+    return Drive(_arms(model, i), gear, gain, own, *low_high)  # type: ignore[arg-type]
+
+
+def _arms(model: Any, i: int) -> dict[int, float]:
+    """Of actuator i: its joint, or those of its fixed tendon."""
+    pulled = int(model.actuator_trnid[i, 0])
+    if int(model.actuator_trntype[i]) == int(require("mujoco", "mujoco").mjtTrn.mjTRN_JOINT):
+        return {pulled: 1.0}
+    first, count = int(model.tendon_adr[pulled]), int(model.tendon_num[pulled])
+    rows = slice(first, first + count)
+    return dict(zip(model.wrap_objid[rows].tolist(), model.wrap_prm[rows].tolist()))
 
 
 def _vector(a: Sequence[float] | np.ndarray) -> Vector:

@@ -26,13 +26,22 @@ TREE = """<mujoco><option timestep="0.004" gravity="0.3 -1 -9.6" {option}/><worl
 </body>
 <body name="side" pos="0 -0.2 0"><joint name="spin" axis="0 0.6 0.8" {friction}/>
 <geom type="capsule" size="0.02" fromto="0 0 0 0.3 0 -0.1" mass="0.4" {still}/></body>
-</body></worldbody><actuator>
+</body></worldbody>
+<tendon><fixed name="cord"><joint joint="lift" coef="0.02"/><joint joint="spin" coef="-0.03"/></fixed></tendon><actuator>
+<general name="pull" tendon="cord" gainprm="3" biastype="affine" biasprm="0.1 -2 {cord}" gear="1.2"/>
 <motor name="push" joint="rail" gear="3" ctrlrange="-1 1" ctrllimited="true"/>
 <position name="servo" joint="lift" kp="12" kv="0.3"/>
 <velocity name="pace" joint="spin" kv="0.2" forcerange="-0.1 0.1" forcelimited="{forces}"/>
 </actuator></mujoco>"""
-PLAIN = {"option": "", "limit": "", "friction": "", "still": 'contype="0" conaffinity="0"', "forces": "true"}
-INTEGRATORS = {"Euler": "true", "RK4": "true", "implicitfast": "false"}
+PLAIN = {
+    "cord": "-0.5",
+    "option": "",
+    "limit": "",
+    "friction": "",
+    "still": 'contype="0" conaffinity="0"',
+    "forces": "true",
+}
+INTEGRATORS = ("Euler", "RK4", "implicitfast")
 
 
 def engine_of(**changes):
@@ -42,7 +51,10 @@ def engine_of(**changes):
 
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 def test_a_tree_moves_as_in_mujoco_whatever_its_parameters(integrator):
-    engine = engine_of(option=f'integrator="{integrator}"', forces=INTEGRATORS[integrator])
+    implicit = integrator == "implicitfast"
+    engine = engine_of(
+        option=f'integrator="{integrator}"', forces="false" if implicit else "true", cord="0" if implicit else "-0.5"
+    )
     equations = MuJoCoEquations.of(engine.origin, engine.parameters)
     at = equations.random_points(3 * FEWEST)
     after = equations.step(at, 5, engine.timestep)
@@ -81,7 +93,7 @@ def test_contacts_that_are_switched_off_are_none():
         {"option": 'integrator="implicit"'},
         {"option": 'density="1.2"'},
         {"still": ""},
-        {"option": 'integrator="implicitfast"', "forces": "true"},
+        {"option": 'integrator="implicitfast"', "cord": "0"},
     ],
     ids=["another integrator", "a fluid", "contacts", "a clipped force in an implicit step"],
 )
@@ -117,8 +129,8 @@ def test_a_dry_friction_holds_a_joint_or_slides_it_as_in_mujoco():
 def test_what_a_model_cannot_have_is_nan_by_both():
     engine = engine_of()
     mass = np.where(np.arange(FEWEST) < 5, -1.0, 2.0)
-    at = Points(np.zeros(FEWEST), np.ones((8, FEWEST)), np.zeros((3, FEWEST)), None, {"upper.mass": mass})
-    at.x[0, 7], at.controls[1, 8] = np.nan, np.inf
+    at = Points(np.zeros(FEWEST), np.ones((8, FEWEST)), np.zeros((4, FEWEST)), None, {"upper.mass": mass})
+    at.x[0, 7], at.controls[2, 8] = np.nan, np.inf
     lost = np.isnan(engine.rates(at)).any(axis=0)
     assert np.flatnonzero(lost).tolist() == [0, 1, 2, 3, 4, 7, 8]
     np.testing.assert_array_equal(lost, np.isnan(engine._rates(at)).any(axis=0))
