@@ -11,7 +11,7 @@ from itertools import combinations
 
 import numpy as np
 
-from sksurrogate.effects._formula import SHAPES, Factor, Term, signal_of
+from sksurrogate.effects._formula import SHAPES, Factor, Term, signal_names, signal_of
 from sksurrogate.gap.unnamed._drivers import Drivers, past_name
 from sksurrogate.gap.unnamed._families import factors_of
 
@@ -55,6 +55,7 @@ def terms_of(drivers: Drivers) -> list[Term]:
         *(Term((factor,)) for name in now for factor in single[name]),
         *(Term((f, _plain("v", name))) for name in now for f in single[name] if f[0] in TIMES_ITSELF),
         *_products(single, first),
+        *_under_a_load(single, first, drivers),
         *(_differences(now, drivers) if len(now) <= MOST_OF_DIFFERENCES else ()),
         *(term for name in late for term in _of_the_past(name, drivers.signals[name], now)),
         *(Term((*term.factors, ("after", "t", float(c), 0.0))) for c in drivers.changes for term in begins),
@@ -69,6 +70,16 @@ def _products(single: Mapping[str, Sequence[Factor]], names: Sequence[str]) -> I
             if a != b:
                 yield from (Term((factor, _plain("v", b))) for factor in single[a] if factor[0] != "v")
                 yield from (Term((factor, _plain("square", b))) for factor in single[a] if factor[0] in OF_SQUARES)
+
+
+def _under_a_load(single: Mapping[str, Sequence[Factor]], names: Sequence[str], drivers: Drivers) -> Iterator[Term]:
+    """The direction of one driver times the size of another, or of a difference of two: a friction that grows with a load."""
+    apart = [f"{a} - {b}" for a, b in combinations(names, 2)] if len(names) <= MOST_OF_DIFFERENCES else []
+    sizes = [
+        f for name in (*names, *apart) for f in factors_of(name, signal_of(name, drivers.signals)) if f[0] == "size"
+    ]
+    ways = [f for name in names for f in single[name] if f[0] == "sign"]
+    yield from (Term((way, size)) for way in ways for size in sizes if way[1] not in signal_names(size[1]))
 
 
 def _differences(names: Sequence[str], drivers: Drivers) -> Iterator[Term]:
