@@ -310,3 +310,14 @@ def test_a_proportional_term_is_no_sine_of_a_frequency_near_zero(record):
     found = drafts_at(c, Drivers("x", "state", c.signals, {}))
     assert found[0].terms[-1].text == "a"
     assert max(float(np.max(np.abs(draft.coefficients))) for draft in found) < 1e4
+
+
+def test_a_friction_may_grow_with_the_size_of_another_driver_or_of_a_difference():
+    rng = np.random.default_rng(0)
+    signals = {name: rng.normal(size=50) for name in ("q", "v", "u")}
+    terms = {
+        term.factors for term in terms_of(Drivers("v", "state", {**signals, "load": rng.uniform(1.0, 2.0, 50)}, {}))
+    }
+    pairs = {(a[1], b[1]) for a, b in (term for term in terms if len(term) == 2) if (a[0], b[0]) == ("sign", "size")}
+    assert {("v", "u"), ("v", "q - u"), ("u", "v")} <= pairs
+    assert not {("v", "v"), ("v", "q - v"), ("v", "load"), ("load", "v")} & pairs  # its own size; what has one sign
