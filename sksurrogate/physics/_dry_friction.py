@@ -61,6 +61,7 @@ def friction_of(
     for _ in range(MOST_GUESSES):
         a = solved_with(slides)
         after = ways(a)
+        after = np.where(after * slides < 0.0, 0.0, after)  # one that would turn back within a guess is held
         settled = np.all(after == slides, axis=0)
         if settled.all():
             break
