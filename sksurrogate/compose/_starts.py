@@ -113,7 +113,7 @@ def fitted_starts(
     """
     plant = describe(simulator, n_inputs=inputs[0].shape[1], n_outputs=measured[0].shape[1])
     hidden = [k for k in range(len(plant.states)) if k not in set(plant.output_states or ())]
-    few = 4 // len(inputs) if len(inputs) < 3 else 1
+    few = max(4 // len(inputs), 1)
     if plant.access == "trajectory" or not hidden or min(len(y) for y in measured) < few * (2 * n_rows + 2):
         return None
     try:

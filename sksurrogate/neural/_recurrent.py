@@ -136,8 +136,8 @@ class RecurrentRegressor(FreeRunMixin, BaseEstimator):
         self.u_spread_[self.u_spread_ == 0] = 1.0
         pieces = []
         for run in runs:
-            edges = np.arange(0, max(len(run) - n, 1), max(self.window - n, 1))
-            pieces += [(run.X[a : a + self.window], run.y[a : a + self.window]) for a in edges if len(run) - a > n]
+            edges = np.arange(0, len(run) - n, max(self.window - n, 1))
+            pieces += [(run.X[a : a + self.window], run.y[a : a + self.window]) for a in edges]
         data = self._sequences([u for u, _ in pieces], np.stack([part[:n] for _, part in pieces]))
         target = np.full((len(pieces), data["drive"].shape[1], len(self.y_mean_)), np.nan, dtype=np.float32)
         for r, (_, part) in enumerate(pieces):

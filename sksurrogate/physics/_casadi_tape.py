@@ -68,7 +68,7 @@ class Tape:
 
     def __call__(self, place: int, arguments: Sequence[np.ndarray], n_points: int) -> np.ndarray:
         """Output ``place`` at points, of arguments (n, n_points): (n_out, n_points)."""
-        work: list[Any] = [0.0] * (self.size + sum(self.outputs))
+        work: list[Any] = [None] * (self.size + sum(self.outputs))
         with np.errstate(all="ignore"):
             for operation, given, found, constant in self.lines:
                 if operation is not None:

@@ -25,9 +25,9 @@ class Functions:
         self.by_code: dict[CodeType, list[FunctionType]] = {}
         self.memories = []
         for one in gc.get_objects():
-            if isinstance(one, FunctionType) and one.__code__.co_filename.startswith(str(ROOT / "sksurrogate")):
+            if type(one) is FunctionType and one.__code__.co_filename.startswith(str(ROOT / "sksurrogate")):
                 self.by_code.setdefault(one.__code__, []).append(one)
-            elif isinstance(one, functools._lru_cache_wrapper) and str(one.__module__).startswith("sksurrogate"):
+            elif type(one) is functools._lru_cache_wrapper and str(one.__module__).startswith("sksurrogate"):
                 self.memories.append(one)
 
     def can_take(self, fault: Fault) -> bool:

@@ -170,7 +170,7 @@ class MapMaker:
 
     def _watch_memories(self) -> None:
         """A remembered function marks again what its first call with the same arguments ran."""
-        kept = {id(one): one for one in gc.get_objects() if isinstance(one, functools._lru_cache_wrapper)}
+        kept = {id(one): one for one in gc.get_objects() if type(one) is functools._lru_cache_wrapper}
         watched = {key: self._watched(one) for key, one in kept.items()}
         for module in list(sys.modules.values()):
             for name, value in list(getattr(module, "__dict__", {}).items()):
@@ -195,16 +195,17 @@ class MapMaker:
 
     @pytest.hookimpl(wrapper=True)
     def pytest_fixture_setup(self, fixturedef: Any) -> Any:
-        """What a fixture of more than one test runs."""
+        """What a fixture of more than one test runs; it is not stopped, since all tests that use it would fail."""
         if fixturedef.scope == "function":
             return (yield)
-        before = self.seen.copy()
+        before, left = self.seen.copy(), signal.setitimer(signal.ITIMER_PROF, 0)[0]
         self.seen[:] = 0
         try:
             return (yield)
         finally:
             self.of_fixture[fixturedef.argname] = self.seen.copy()
             self.seen[:] |= before
+            signal.setitimer(signal.ITIMER_PROF, left)
 
     def pytest_runtest_logreport(self, report: Any) -> None:
         """Whether it failed."""
@@ -227,11 +228,15 @@ class LineMap:
         return np.flatnonzero((self.rows[:, block // 8] >> (7 - block % 8)) & 1 & self.passed)
 
     def tests_of(self, path: Path, line: int, words: list[str]) -> list[int]:
-        """Tests that run a line; of a line that runs on import, those that run a statement with one of its words."""
+        """Tests that run a line; of a line that runs on import, those with one of its words, and those that run a statement with one."""
         block = self.blocks.of(path.relative_to(ROOT).as_posix(), line)
         if block:
             return self._ordered(path, self.running(block))
-        found: set[int] = set()
+        texts = {
+            file: (ROOT / file).read_text(encoding="utf-8") for file in {name.split("::")[0] for name in self.names}
+        }
+        about = {file for file, text in texts.items() if any(word in text for word in words)}
+        found = {k for k, name in enumerate(self.names) if name.split("::")[0] in about and self.passed[k]}
         for other in sorted(PACKAGE.rglob("*.py")):
             text = other.read_text(encoding="utf-8")
             if other == path or path.stem in text:

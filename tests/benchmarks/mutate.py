@@ -15,6 +15,8 @@ tries what was not caught once more, with the tests that are newer than the map.
 from __future__ import annotations
 
 import argparse
+import contextlib
+import importlib
 import json
 import os
 import re
@@ -83,8 +85,8 @@ class Trial:
         """What the tests say, the one that noticed it, and how many run the line."""
         text = fault.path.read_text(encoding="utf-8").splitlines()
         begun = self.lines.blocks.begin(fault.path.relative_to(ROOT).as_posix(), fault.line)
-        words = [re.findall(r"\w+(?= *(?::[^:]*)?=)", text[k - 1])[:1] for k in (fault.line, begun)]
-        found = self.lines.tests_of(fault.path, fault.line, words[0] or words[1])
+        words = [re.findall(r'"\w+"(?=:)|\w+(?= *(?::[^:]*)?=)', text[k - 1])[:1] for k in (fault.line, begun)]
+        found = self.lines.tests_of(fault.path, fault.line, [*words[0], *words[1]])
         own, stem = fault.path.relative_to(PACKAGE).parts[0], fault.path.stem
         near = {file for file in {name.split("::")[0] for name, _ in self.newer} if _is_near(file, own, stem)}
         tests = [test for test in self.newer if test[0].split("::")[0] in near] + [
@@ -178,6 +180,10 @@ def main() -> None:
         done = len(given.out.read_text(encoding="utf-8").splitlines()) if given.out.exists() else 0
         faults = listed_again(given.again) if given.again else drawn(given.faults, given.seed, given.folders)
         plugin = Trial(faults[done:], given)
+    # a fork that is stopped within an import aborts, or its later tests fail: what is heavy is imported before
+    for heavy in ("torch._dynamo", "skorch", "casadi", "control", "fmpy", "matplotlib.pyplot"):
+        with contextlib.suppress(ImportError):
+            importlib.import_module(heavy)
     options = ["-q", "--tb=no", "-m", "not slow", "-p", "no:xdist", "-c", str(ROOT / "pyproject.toml")]
     pytest.main([*options, "tests", "sksurrogate"], plugins=[plugin])
     if given.out:

@@ -214,3 +214,15 @@ def test_the_interval_of_a_mean_holds_nine_of_ten():
     rows = [mean("", value, 1.0) for value in values]
     low, high = (np.array([row[name] for row in rows]) for name in ("low", "high"))
     assert np.mean((low <= 1.0) & (high >= 1.0)) == pytest.approx(0.9, abs=0.02)
+
+
+def test_every_stated_probability_counts_in_the_one_bin_that_holds_it():
+    stated = [0.0, 0.3, 0.5, 0.6, 0.8, 0.9, 0.99, 1.0, 1.0]
+    rows = [
+        made("effect", seed=k, effects=[as_dict(TRUE, equivalents=[], probability=p)]) for k, p in enumerate(stated)
+    ]
+    rows[0]["effects"][0]["name"] = "constant_bias"
+    found = BlindResult(tuple(rows)).calibration()
+    assert [bin["count"] for bin in found] == [2, 2, 2, 3]
+    assert sum(bin["count"] * bin["stated"] for bin in found) == pytest.approx(sum(stated))
+    assert [bin["right"] for bin in found] == [0.5, 1.0, 1.0, 1.0]

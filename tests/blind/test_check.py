@@ -16,11 +16,13 @@ import pytest
 from sksurrogate.blind import ARMS, BlindResult, Case, draw, run_blind_check, run_case
 from sksurrogate.blind import _score as scoring
 from sksurrogate.blind._big_plants import BIG_PLANTS
+from sksurrogate.blind._choose import make_setting, sized
 from sksurrogate.blind._excite import initial_states, inputs
 from sksurrogate.blind._march import march
+from sksurrogate.blind._plants import PLANTS
 from sksurrogate.blind._seal import Seal, close_seal
 from sksurrogate.blind._solve import Solver
-from sksurrogate.blind._truths import KINDS
+from sksurrogate.blind._truths import KINDS, Scene
 from sksurrogate.exceptions import DataError, SimulatorError, SurrogateError
 from sksurrogate.physics import ODESimulator
 
@@ -251,6 +253,31 @@ def test_a_broken_off_check_is_taken_up_again(tmp_path, solver):
     assert [row["sha256"] for row in again.rows[:2]] == [row["sha256"] for row in first.rows]
     assert len({(row["arm"], row["seed"]) for row in again.rows}) == 4
     assert all(row["right"] for row in again.rows) and len(BlindResult.load(file).rows) == 4
+
+
+def test_a_case_takes_longer_than_its_answer_and_less_than_its_call(solver):
+    started = time.perf_counter()
+    row = run_case("none", 3, diagnosis=f"{HERE}:says_nothing", solver=solver)
+    assert 0 <= row.get("seconds", 0.0) <= row["whole_seconds"] <= time.perf_counter() - started
+
+
+@pytest.mark.parametrize("name", ["constant_bias", "sensor_gain", "sensor_rectification"])
+def test_an_effect_is_sized_to_its_gap_and_one_without_a_size_has_it_or_not(name):
+    plant, kind = PLANTS["oscillator"], KINDS[name]
+    setting = make_setting(np.random.default_rng(2), plant, [np.sin(0.2 * np.arange(200))[:, None]] * 2, "effect")
+    outputs, location = setting.nominal.outputs, "velocity" if kind.place == "balance" else plant.outputs[0]
+    signal = outputs[..., 0].ravel()
+    given = (setting, name, location, None, kind, Scene(signal, signal, signal, 1.0, plant.dt, 10.0, np.full(4, 0.5)))
+    truth = sized(*given, target=20.0, least=0.0)
+    faulty = march(plant, setting.U, setting.X0, [truth], substeps=8).outputs
+    gap = np.sqrt(np.mean(((faulty - outputs) / (setting.noise * setting.scale))[..., setting.read] ** 2))
+    if kind.size(1.0, given[-1]):
+        assert gap == pytest.approx(20.0, rel=0.2)
+    else:
+        assert (
+            sized(*given, target=20.0, least=0.9 * gap) is not None
+            and sized(*given, target=20.0, least=1.1 * gap) is None
+        )
 
 
 def test_arms_and_files_that_are_not_there_say_so(tmp_path):

@@ -70,6 +70,15 @@ def test_figure_8_from_inside(loss):
     assert np.isnan(one[::120]).all() and np.nanstd(one - new_y) < 0.05
 
 
+def test_the_error_of_free_runs_is_that_of_predictions_from_the_first_measurement():
+    X, y, groups = make_reactor_runs(3, 30, random_state=0)
+    hybrid = HybridRegressor(linear_reactor(), form="dynamics", states=["y"]).fit(X, y, groups=groups)
+    inputs, measured = ([v[groups == k] for k in range(3)] for v in (X, y[:, None]))
+    error = np.mean((hybrid.predict(X, y0=np.stack([v[:1] for v in measured]), groups=groups) - y) ** 2)
+    assert hybrid.correction_._error(inputs, measured) == pytest.approx(error, rel=1e-9)
+    assert hybrid.correction_.judge(inputs, measured).rmse ** 2 == pytest.approx(error, rel=1e-9)
+
+
 def test_the_right_hand_side_with_the_term_is_the_simulators_plus_the_term():
     X, y, groups = make_reactor_runs(4, 80, random_state=0)
     hybrid = HybridRegressor(linear_reactor(), form="dynamics", fade=float("inf")).fit(X, y, groups=groups)

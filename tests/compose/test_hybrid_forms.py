@@ -2,12 +2,14 @@
 
 import numpy as np
 import pytest
+from sklearn.dummy import DummyRegressor
 from sklearn.linear_model import LinearRegression
 from sklearn.neural_network import MLPRegressor
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
 from sksurrogate.compose import HybridRegressor
+from sksurrogate.compose._hybrid_output import OutputCorrection
 from sksurrogate.compose._lagged import barely_fitted
 from sksurrogate.datasets import linear_reactor, make_reactor_runs
 from sksurrogate.physics import CallableSimulator, ODESimulator
@@ -70,3 +72,14 @@ def test_a_network_that_only_needs_its_shape_is_fitted_for_one_iteration():
     net = make_pipeline(StandardScaler(), MLPRegressor(hidden_layer_sizes=(3,), max_iter=40, random_state=0))
     fitted = barely_fitted(net, np.random.default_rng(0).normal(size=(30, 2)), np.arange(30.0))
     assert fitted[-1].n_iter_ == 1 and fitted[-1].max_iter == 40
+
+
+def test_a_residual_that_asks_for_more_is_held_at_three_times_what_was_missing():
+    X, y, groups = make_reactor_runs(3, 40, random_state=0)
+    inputs, measured = ([v[groups == k] for k in range(3)] for v in (X, y[:, None]))
+    wild = DummyRegressor(strategy="constant", constant=1e6)
+    correction = OutputCorrection(linear_reactor(), wild, "output", "one_step", 1, np.inf, 1.0, 0).fit(inputs, measured)
+    alone = [linear_reactor().simulate(u, x0=v[0]) for u, v in zip(inputs, measured)]
+    most = max(np.abs(v - a)[1:].max() for v, a in zip(measured, alone))
+    for found, base in zip(correction.run(inputs, [v[:1] for v in measured]).y, alone):
+        np.testing.assert_allclose(found[1:] - base[1:], 3 * most, rtol=1e-9)

@@ -296,6 +296,22 @@ def test_a_step_function_takes_effects_on_balances():
     assert X.shape == dX.shape == (80, 1)
 
 
+def test_terms_go_amid_each_of_the_steps_that_a_simulator_calls_its_own():
+    """Midpoint rule from the middle of the simulator's own step: the rate that the step itself had does not count twice."""
+
+    class Stepping(Stepper):
+        timestep = 0.05  # two steps in a sample
+
+    plant, h = Stepping(), 0.05
+    effects = [CATALOGUE["linear_loss"]("y", "y"), CATALOGUE["linear_loss"]("u", "y")]
+    U, y, c = np.sin(np.arange(20.0))[:, None], [0.5], 3.0
+    for u in np.repeat(U[:-1, 0], 2):
+        after = float(plant.step(0.0, [y[-1]], [u - 0.2 * y[-1]], plant.params, h)[0])
+        y.append(after - h * c * (1 - c * h / 2) * (y[-1] + after) / 2)
+    found = AugmentedSimulator(plant, effects, [(c,), (0.2,)]).simulate(U, [0.5])[:, 0]
+    np.testing.assert_allclose(found, y[::2], rtol=1e-10)
+
+
 # ---- what goes wrong -------------------------------------------------------------------------------------------------
 @pytest.mark.parametrize(
     ("values", "message"),

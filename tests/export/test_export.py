@@ -63,6 +63,12 @@ def test_static_models_equal_predict(name, y):
     np.testing.assert_allclose(onnx_run(model, x=rows)[0], expected, rtol=1e-11, atol=1e-11)
 
 
+@pytest.mark.parametrize("degree", [0, 1, 2, 4])
+def test_polynomials_take_one_product_less_than_their_degree(degree):
+    graph = to_graph(make_pipeline(PolynomialFeatures(degree), LinearRegression()).fit(X3, Y2))
+    assert [node.op for node in graph.nodes].count("mul") == max(degree - 1, 0)
+
+
 @pytest.mark.parametrize("name", [name for name in STATIC if name != "relu net"])
 @pytest.mark.filterwarnings("ignore:lbfgs failed to converge")
 def test_jacobians_equal_differences_and_casadis(name):

@@ -132,6 +132,15 @@ def test_held_inputs_and_missing_values_are_left_alone():
     assert np.array_equal(OutlierFilter().fit_transform(X), X, equal_nan=True)
 
 
+@pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
+def test_the_unit_of_a_column_does_not_matter_with_noise_or_without(size):
+    rng = np.random.default_rng(0)
+    held = np.repeat([0.0, 40.0, 0.0, 1.0], [30, 3, 30, 30])  # steps of a noiseless column are its signal
+    noisy = np.sin(np.arange(93) / 9) + 0.01 * rng.normal(size=93) + (np.arange(93) == 50)
+    X = size * np.column_stack([held, noisy])
+    assert np.argwhere(OutlierFilter(threshold=6.0).fit(X).mask(X)).tolist() == [[50, 1]]
+
+
 @pytest.mark.parametrize("estimator", [Interpolator(), OutlierFilter(fill="line")], ids=repr)
 def test_empty_columns_and_short_runs_pass_through(estimator):
     X = np.column_stack([np.full(6, NAN), np.arange(6.0)])

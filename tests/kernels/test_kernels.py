@@ -88,6 +88,22 @@ def test_runge_kutta_has_order_four():
     assert 14 < errors[1] / errors[2] < 20
 
 
+@pytest.mark.parametrize("n_sub", [1, 3])
+def test_runge_kutta_is_exact_for_cubics_in_time_and_ramps_and_asks_for_limits_at_its_stages(n_sub):
+    h, asked = 0.6 / n_sub, []
+    edges = 0.6 * np.arange(n_sub + 1) / n_sub  # the input is t, as mean and half its change over each substep
+    mean, half = (edges[1:] + edges[:-1])[:, None, None] / 2, np.full((n_sub, 1, 1), h / 2)
+
+    def clip(x, t, final=False):
+        asked.append((float(t[0]), final))
+        return x
+
+    x = rk4(lambda t, x, u: 4 * t**3 + 3 * t * u + 0 * x, np.zeros(1), np.zeros((1, 1)), mean, half, h, clip)
+    assert x[0, 0] == pytest.approx(0.6**4 + 0.6**3, rel=1e-12)
+    stages = [[(a + h / 2, False), (a + h / 2, False), (a + h, False), (a + h, True)] for a in edges[:-1]]
+    np.testing.assert_allclose(asked, np.concatenate(stages), rtol=1e-12)
+
+
 def test_march_and_close_agree_with_the_matrix_exponential():
     A, B = np.array([[0.0, 1.0], [-20.0, -0.3]]), np.array([0.0, 1.0])
     u = RNG.normal(size=60)

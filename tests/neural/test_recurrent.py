@@ -91,3 +91,12 @@ def test_what_is_wrong_is_said():
     model = RecurrentRegressor(hidden_size=2, max_epochs=1, random_state=0).fit(X, y, groups=groups)
     with pytest.raises(DataError, match=r"expected \(5, 1\)"):
         model.predict(X, y0=[1.0])
+
+
+def test_units_and_zeros_of_the_columns_do_not_matter():
+    X, y, groups = planted(4, 40)
+    first = y.reshape(4, 40)[:, :2, None]
+    model = RecurrentRegressor(hidden_size=4, n_initial=2, max_epochs=4, random_state=0)
+    plain = model.fit(X, y, groups=groups).predict(X, y0=first, groups=groups)
+    other = model.fit(40 * X + 300, 0.5 * y - 7, groups=groups).predict(40 * X + 300, y0=0.5 * first - 7, groups=groups)
+    np.testing.assert_allclose((other + 7) / 0.5, plain, atol=1e-4)

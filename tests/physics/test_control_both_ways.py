@@ -160,3 +160,18 @@ def test_a_nonlinear_system_with_vectors_is_asked_for_all_points(varied):
     x, u, k = rng.normal(size=(2, 60)), rng.normal(size=(1, 60)), rng.uniform(1, 3, 60) if varied else 2.0
     expected = [x[1], -k * x[0] - 0.3 * x[1] + u[0]]
     np.testing.assert_allclose(simulator.rhs(0.0, x, u, {"k": k}), expected, rtol=1e-12, atol=1e-14)
+
+
+@pytest.mark.parametrize("place", [0, 1], ids=["state", "input"])
+@pytest.mark.parametrize(
+    "special", [np.logical_not, lambda v: v > 0, lambda v: v < 0, lambda v: abs(v) > 0.1, lambda v: (v != 0) & (abs(v) < 1e-3)],
+    ids=["zero", "positive", "negative", "large", "small"],
+)  # fmt: skip
+def test_a_system_that_asks_about_any_of_its_points_is_asked_one_by_one(place, special):
+    def update(t, x, u, params):
+        return [0 * x[0] + (2.0 if np.any(special((x, u)[place][0])) else 1.0)]
+
+    system = control.nlsys(update, None, inputs=["u"], states=["x"], outputs=["x"])
+    points = np.array([[0.0, 1e-4, -1e-4, 0.04, -0.04, 0.5, -0.5]])
+    found = ControlSimulator(system, dt=0.1).rhs(0.0, points, points, {})
+    np.testing.assert_array_equal(found[0], 1.0 + special(points[0]))

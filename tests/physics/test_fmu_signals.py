@@ -4,6 +4,7 @@ from types import SimpleNamespace as Made
 
 import pytest
 
+from sksurrogate.physics._fmu_events import EventSteps
 from sksurrogate.physics._fmu_signals import Unfit, read_signals
 from sksurrogate.physics._fmu_steps import CoSteps
 
@@ -76,3 +77,22 @@ def test_a_copy_of_a_unit_is_freed_by_the_name_of_its_standard(version, name):
     steps = Made(_state="copy", instance=instance, signals=Made(version=version))
     CoSteps.close(steps)
     assert done == ["copy", "instance"] and steps._state is None
+
+
+@pytest.mark.parametrize(("version", "ending"), [(2, "FMUstate"), (3, "FMUState")])
+def test_the_copy_of_a_start_is_taken_put_back_and_freed_by_the_names_of_its_standard(version, ending):
+    done = []
+
+    def call(what):
+        return lambda *given: done.append((what, *given)) or "copy"
+
+    signals = Made(version=version, states=(), n_indicators=0)
+    exchange = Made(modelExchange=Made(canGetAndSetFMUstate=True))
+    instance = Made(**{what + ending: call(what) for what in ("get", "set", "free")})
+    steps = EventSteps(
+        Made(instance=instance, signals=signals, description=exchange, begin=lambda *given: None, close=call("close"))
+    )
+    for values in ((1.0,), (1.0,), (2.0,)):
+        steps._begin(values, (), 0.0)
+    steps.close()
+    assert done == [("get",), ("set", "copy"), ("free", "copy"), ("get",), ("free", "copy"), ("close",)]
