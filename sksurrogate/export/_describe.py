@@ -174,7 +174,7 @@ def _monomials(graph: Graph, x: int, powers: np.ndarray) -> int:
     n = graph.nodes[x].size
     factors = [np.repeat(np.arange(n), row) for row in powers]
     one = graph.concat(x, graph.constant(1.0))
-    degree = max(1, *map(len, factors))
+    degree = max([1, *map(len, factors)])
     table = np.full((degree, len(factors)), n)
     for k, row in enumerate(factors):
         table[: len(row), k] = row
