@@ -1,4 +1,4 @@
-"""What does a point of a MuJoCo model cost: forward dynamics, a sample, parameters that differ; peers mj_forward and mj_step.
+"""What does a point of a MuJoCo model cost: forward dynamics, a sample, parameters that differ; peers mj_forward, mj_step and its batched rollout.
 
 Medians of the ratios of a round, processor time. Run: ``OMP_NUM_THREADS=1 python tests/benchmarks/bench_mujoco.py``
 """
@@ -79,6 +79,26 @@ def asked_of(text, n_points):
     }
 
 
+def beside_the_rollout(name, text, n_points=8000):
+    """Forward dynamics and samples by equations of motion, and the same points by MuJoCo's batched rollout."""
+    simulator = MuJoCoSimulator(text)
+    engine, rng = simulator._engine(), np.random.default_rng(0)
+    x = rng.normal(size=(len(simulator.states), n_points))
+    u = rng.normal(size=(len(simulator.inputs), n_points))
+    taken = []
+    for _ in range(ROUNDS):
+        for equations in (False, True):
+            engine.__dict__.pop("_equations", None) if equations else engine.__dict__.update(_equations=None)
+            simulator.rhs(0.0, x, u, {})
+            taken.append(microseconds(lambda: simulator.rhs(0.0, x, u, {}), n_points))
+            taken.append(microseconds(lambda: simulator.step(0.0, x, u, {}, 5 * simulator.timestep), n_points))
+    rates, samples, own_rates, own_samples = np.reshape(taken, (ROUNDS, 4)).T
+    print(
+        f"| {name} | {np.median(rates):.2f} | {np.median(rates / own_rates):.1f} | {np.median(samples):.1f} "
+        f"| {np.median(samples / own_samples):.1f} |"
+    )
+
+
 def main():
     n_points = 2000
     print(
@@ -98,6 +118,10 @@ def main():
             f"| {name} | {np.median(forward):.1f} | {ratios[0]:.2f} | {np.median(steps):.1f} | {ratios[1]:.2f} "
             f"| {ratios[2]:.2f} | {ratios[3]:.2f} |"
         )
+    print("\n| model | rollout, us | / equations | rollout, 5 steps, us | / equations |\n|---|---|---|---|---|")
+    for n in (2, 3, 4, 6):
+        beside_the_rollout(f"{n} joints", chain(n))
+        beside_the_rollout(f"{n} joints, dry friction", chain(n, 0.1))
 
 
 if __name__ == "__main__":
