@@ -357,9 +357,7 @@ def _times(
         raise DataError(f"dt={dt!r} must be a positive number of time units.")
     if clock is None:
         step = 1.0 if dt is None else float(dt)
-        grid = np.arange(max(b - a for _, a, b in pieces), dtype=float)  # one for all runs
-        if step != 1.0:
-            grid *= step
+        grid = step * np.arange(max(b - a for _, a, b in pieces))  # one for all runs
         return step, [grid[: b - a] for _, a, b in pieces]
     steps = [np.diff(clock[a:b]) for _, a, b in pieces]
     joined = np.concatenate(steps) if steps else np.empty(0)

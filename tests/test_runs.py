@@ -41,6 +41,17 @@ def test_uneven_sampling_is_refused_by_row():
         resolve_runs(X, time=0, dt=0.1)
 
 
+@pytest.mark.parametrize("dt", [0.5, 1.0, 2.0, None])
+def test_rows_without_a_clock_lie_at_multiples_of_the_sample_time(dt):
+    grid = (dt or 1.0) * np.r_[np.arange(4), np.arange(3)]
+    runs = resolve_runs(np.zeros((7, 1)), groups=[0] * 4 + [1] * 3, dt=dt)
+    clocked = resolve_runs(np.column_stack([grid, np.zeros(7)]), groups=[0] * 4 + [1] * 3, time=0)
+    assert runs.dt == clocked.dt == (dt or 1.0)
+    for one, other, times in zip(runs, clocked, np.split(grid, [4]), strict=True):
+        np.testing.assert_array_equal(one.t, times)
+        np.testing.assert_allclose(other.t, times)
+
+
 def test_short_runs_say_how_many_rows_are_needed():
     with pytest.raises(RunError, match=r"run 'b' has 1 rows .*2 are needed"):
         resolve_runs(np.zeros((3, 1)), groups=["a", "a", "b"], min_rows=2)

@@ -148,6 +148,14 @@ def test_too_few_runs_say_how_many():
         ConformalFreeRun(RecursivePredictor(LinearRegression())).fit(X, y, groups=groups)
 
 
+@pytest.mark.parametrize(
+    "given", [{name: v} for name in ("coverage", "calibration") for v in (0.0, 1.0)] + [{"kind": "runs"}]
+)
+def test_shares_lie_between_0_and_1_and_the_kind_is_one_of_two(given):
+    with pytest.raises(ValueError, match=f"{next(iter(given))}=.*must"):
+        ConformalFreeRun(LinearRegression(), **given).fit(np.zeros((9, 1)), np.zeros(9))
+
+
 def test_filters_and_steps_give_one_free_run():
     X, y, groups = planted(6)
     # a copy of y as a second output goes step by step and adds nothing
