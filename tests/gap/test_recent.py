@@ -82,6 +82,17 @@ def test_the_unit_of_a_fitted_parameter_changes_no_pair():
         assert one.drop == pytest.approx(other.drop, rel=1e-5)
 
 
+def test_a_fitted_parameter_that_the_data_do_not_see_changes_no_pair():
+    screen = screen_of()
+    blind = replace(
+        screen, known=np.concatenate([screen.known, 0.0 * screen.known[1:]]), precision=np.array([0.1, 0.1]),
+        pull=np.append(screen.pull, 0.0),
+    )  # fmt: skip
+    for one, other in zip(best_pairs(screen, 3), best_pairs(blind, 3), strict=True):
+        assert (one.first.effect.key, one.second.effect.key) == (other.first.effect.key, other.second.effect.key)
+        assert one.drop == pytest.approx(other.drop, rel=1e-6)
+
+
 def test_the_pair_that_makes_the_residual_is_the_best():
     first, second, _ = best_pairs(screen_of(), 3)[0]
     assert {first.effect.name, second.effect.name} == {"quadratic_drag", "cubic_stiffness"}
