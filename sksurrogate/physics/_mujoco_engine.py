@@ -152,7 +152,7 @@ class Engine:
         return found if near[said].all() and said.mean() > 0.5 else None
 
     def _rates(self, at: Points) -> np.ndarray:
-        """The same, by MuJoCo itself."""
+        """Time derivatives by MuJoCo itself."""
         if "rates" not in self._copies:
             self._copies["rates"] = _Copies(self, _explicit(self._copies["step"].first))
         after, _ = self._points("rates", at, 1, self.timestep)

@@ -37,7 +37,7 @@ Accelerations: TypeAlias = Callable[[Joints, Joints], Joints]
 
 
 def with_values(tree: Tree, parameters: Mapping[str, ModelParameter], p: Mapping[str, Component]) -> Tree:
-    """A tree with parameters in place of the model's own."""
+    """A tree with parameters in place of the model's own, and the softness of its dry frictions with these."""
     inertia, drives = list(tree.inertia), list(tree.drives)
     at_joints = {name: list(getattr(tree, field)) for name, field in AT_JOINTS.items()}
     for name, value in p.items():
@@ -51,9 +51,10 @@ def with_values(tree: Tree, parameters: Mapping[str, ModelParameter], p: Mapping
         elif one.element == "actuator":
             drives[one.index] = _driven(drives[one.index], one.quantity, value)
     damping, friction, armature, stiffness = at_joints.values()
-    return tree._replace(
+    changed = tree._replace(
         inertia=inertia, drives=drives, damping=damping, friction=friction, armature=armature, stiffness=stiffness
     )
+    return changed._replace(softness=softness_at_rest(changed))
 
 
 def _driven(drive: Drive, quantity: str, value: Component) -> Drive:
@@ -63,7 +64,7 @@ def _driven(drive: Drive, quantity: str, value: Component) -> Drive:
         return drive._replace(gear=value)
     if quantity == "kp":
         return drive._replace(gain=value, bias=(own, -value, speed))
-    of_speed = isinstance(length, float) and length == 0.0  # a servo of the velocity
+    of_speed = is_number(length, 0.0)  # a servo of the velocity
     return drive._replace(gain=value if of_speed else drive.gain, bias=(own, length, -value))
 
 
@@ -85,7 +86,7 @@ def accelerations(tree: Tree, u: Joints, forces: Joints | None, q: Joints, v: Jo
         spring = times(tree.stiffness[j], minus(q[j], tree.slack[j]))
         torque[j] = minus(torque[j], plus(spring, times(tree.damping[j], v[j]), held[j]))
     M = with_diagonal(M, tree.armature)
-    rubbing = [DryFriction(f, s, k) for f, s, k in zip(tree.friction, softness_at_rest(tree), tree.stopping)]
+    rubbing = list(map(DryFriction, tree.friction, tree.softness, tree.stopping))
     torque = list(map(plus, torque, friction_of(rubbing, M, torque, v)))
     return solved(M if damped is None else with_diagonal(M, damped), torque)
 

@@ -69,9 +69,8 @@ class Tree(NamedTuple):
     per_kilogram: dict[str, tuple[int, Inertia]]
     damping: list[Component]
     friction: list[Component]  #: Largest dry friction
-    softness: list[
-        float
-    ]  #: Of a dry friction: what a unit of it leaves of the acceleration that would stop the joint, over its own
+    #: Of a dry friction: of a model as it is read for a unit of inertia, then in units of the friction's own
+    softness: list[Component]
     stopping: list[float]  #: A dry friction stops a speed in the inverse of this
     armature: list[Component]
     stiffness: list[Component]
@@ -139,9 +138,8 @@ def _of_friction(model: Any) -> tuple[list[float], list[float]]:
     low, high, width = model.dof_solimp[:, :3].T
     least, most = 1e-4, 1.0 - 1e-4  # of MuJoCo
     impedance = np.clip(np.where((low == high) | (width <= 1e-15), 0.5 * (low + high), low), least, most)
-    return ((1.0 - impedance) / impedance).tolist(), (
-        2.0 / (np.clip(high, least, most) * model.dof_solref[:, 0])
-    ).tolist()
+    stopping = 2.0 / (np.clip(high, least, most) * model.dof_solref[:, 0])
+    return ((1.0 - impedance) / impedance).tolist(), stopping.tolist()
 
 
 def _links(model: Any) -> tuple[list[Link], dict[int, tuple[int, np.ndarray, np.ndarray]]]:

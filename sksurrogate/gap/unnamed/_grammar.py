@@ -48,15 +48,15 @@ def terms_of(drivers: Drivers) -> list[Term]:
     now = drivers.present
     late = [name for name in drivers.moving if name in drivers.late]
     single = {name: list(factors_of(name, drivers.signals[name])) for name in now}
-    first = now[:MOST_OF_PRODUCTS]
+    apart, first = _differences(now, drivers), now[:MOST_OF_PRODUCTS]
     begins = [Term(), *(Term((_plain(shape, name),)) for name in first for shape in BEGINNING)]
     return [
         Term(),
         *(Term((factor,)) for name in now for factor in single[name]),
         *(Term((f, _plain("v", name))) for name in now for f in single[name] if f[0] in TIMES_ITSELF),
         *_products(single, first),
-        *_under_a_load(single, first, drivers),
-        *(_differences(now, drivers) if len(now) <= MOST_OF_DIFFERENCES else ()),
+        *_under_a_load({name: single[name] for name in first}, apart),
+        *(Term((factor,)) for factors in apart.values() for factor in factors if factor[0] != "v"),
         *(term for name in late for term in _of_the_past(name, drivers.signals[name], now)),
         *(Term((*term.factors, ("after", "t", float(c), 0.0))) for c in drivers.changes for term in begins),
     ]
@@ -72,21 +72,18 @@ def _products(single: Mapping[str, Sequence[Factor]], names: Sequence[str]) -> I
                 yield from (Term((factor, _plain("square", b))) for factor in single[a] if factor[0] in OF_SQUARES)
 
 
-def _under_a_load(single: Mapping[str, Sequence[Factor]], names: Sequence[str], drivers: Drivers) -> Iterator[Term]:
+def _under_a_load(single: Mapping[str, Sequence[Factor]], apart: Mapping[str, Sequence[Factor]]) -> Iterator[Term]:
     """The direction of one driver times the size of another, or of a difference of two: a friction that grows with a load."""
-    apart = [f"{a} - {b}" for a, b in combinations(names, 2)] if len(names) <= MOST_OF_DIFFERENCES else []
-    sizes = [
-        f for name in (*names, *apart) for f in factors_of(name, signal_of(name, drivers.signals)) if f[0] == "size"
-    ]
-    ways = [f for name in names for f in single[name] if f[0] == "sign"]
+    sizes = [f for factors in (*single.values(), *apart.values()) for f in factors if f[0] == "size"]
+    ways = [f for factors in single.values() for f in factors if f[0] == "sign"]
     yield from (Term((way, size)) for way in ways for size in sizes if way[1] not in signal_names(size[1]))
 
 
-def _differences(names: Sequence[str], drivers: Drivers) -> Iterator[Term]:
-    """Shapes of the difference of two drivers."""
-    for a, b in combinations(names, 2):
-        name = f"{a} - {b}"
-        yield from (Term((f,)) for f in factors_of(name, signal_of(name, drivers.signals)) if f[0] != "v")
+def _differences(names: Sequence[str], drivers: Drivers) -> dict[str, list[Factor]]:
+    """Shapes of the difference of two drivers; none of many drivers."""
+    pairs = combinations(names, 2) if len(names) <= MOST_OF_DIFFERENCES else ()
+    apart = [f"{a} - {b}" for a, b in pairs]
+    return {name: list(factors_of(name, signal_of(name, drivers.signals))) for name in apart}
 
 
 def _of_the_past(name: str, z: np.ndarray, now: Sequence[str]) -> Iterator[Term]:
