@@ -28,6 +28,8 @@ flow there: `location` is the port, `variable` a state, and c has the unit of th
 
 - The diagnosis tries laws at inputs that move several balances, and at the joints of a simulator. If an input enters one
   balance in proportion, a law there is a law of that balance, and only that one is tried.
+- `load_friction` depends on what enters beside it (F: the input, or what the actuators bring at a joint). It is tried at every
+  port where that is known, and in no balance. A simulator with `ports` says so with `drive_forces(x, u, p)`.
 - By default a speed drives frictions and losses, a position drives springs, stops and hidden parts, a level drives outflows:
 
 | driven by | laws |

@@ -18,7 +18,7 @@ LINKAGE_ANSWERS: dict[str, tuple[str, ...]] = {
     "viscous": ("linear_loss",),
     "stribeck": ("stribeck_friction",),
     "drag": ("quadratic_drag",),
-    "load": ("coulomb_friction", "stribeck_friction", "lugre_friction", "asymmetric_friction"),
+    "load": ("load_friction", "coulomb_friction", "stribeck_friction", "lugre_friction", "asymmetric_friction"),
 }
 
 

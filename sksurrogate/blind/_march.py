@@ -102,6 +102,7 @@ class _Machine:
 
         self.parameters = [truth for truth, _ in at("parameter")]
         self.terms, self.limits, self.hidden = at("balance"), [t for t, _ in at("limit")], [t for t, _ in at("hidden")]
+        self.ports = [(plant.inputs.index(truth.location), truth, kind) for truth, kind in at("port")]
         self.actuators = {plant.inputs.index(t.location): (t, kind) for t, kind in at("input")}
         self.sensors = {plant.outputs.index(t.location): (t, kind) for t, kind in at("sensor")}
         self.slots: dict[Any, slice] = {}
@@ -273,6 +274,7 @@ class _Machine:
         """Derivatives of all states, (all states, n_runs)."""
         x, u = z[: self.n], self.inputs(t, middle, k, z)
         p = self.parameter_values(t, middle, x, u)
+        u = self.with_laws(t, middle, x, u)
         dz = np.zeros_like(z)
         for i, value in enumerate(self.plant.rhs(t, x, u, p)):
             dz[i] = value
@@ -294,6 +296,14 @@ class _Machine:
             dz[self.slots[id(truth)]] = self.hidden_rate(truth, x, u, z, dz)
         self.filters(t, middle, x, u, p, z, dz)
         return dz
+
+    def with_laws(self, t: float, middle: float, x: np.ndarray, u: np.ndarray) -> np.ndarray:
+        """The inputs (n_inputs, n_runs) with the laws that act there."""
+        enters = u.copy() if self.ports else u
+        for j, truth, kind in self.ports:
+            v = x[self.index[str(truth.variable)]]
+            enters[j] += there(truth, middle) * equation(truth, kind)(t, u[j], v, 1.0, truth.params, truth.width)
+        return enters
 
     def pull(self, truth: Truth, x: np.ndarray, u: np.ndarray, z: np.ndarray) -> Any:
         """What a hidden state adds to a balance."""

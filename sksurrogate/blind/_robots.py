@@ -32,7 +32,7 @@ class RobotTruth:
 ANSWERS: dict[str, tuple[tuple[str, str], ...]] = {
     "frictionloss": (("coulomb_friction", "{}"), ("parameter_error", "{}.frictionloss")),
     "stribeck": (("stribeck_friction", "{}"),),
-    "load_friction": tuple((name, "{}") for name in FRICTIONS),
+    "load_friction": tuple((name, "{}") for name in ("load_friction", *FRICTIONS)),
     "damping": (("linear_loss", "{}"), ("parameter_error", "{}.damping")),
     "armature": (("parameter_error", "{}.armature"),),
     "gear": (("parameter_error", "drive_{}.gear"), ("input_gain", "drive_{}")),

@@ -73,7 +73,7 @@ Size = Callable[[Any, Scene], dict[str, Any]]
 class Kind:
     """A family of effects."""
 
-    place: str  #: {"parameter", "balance", "hidden", "limit", "input", "sensor"}
+    place: str  #: {"parameter", "balance", "port", "hidden", "limit", "input", "sensor"}
     size: Size  #: ``size(m, scene) -> params``: m = 0 is not an effect, m about 1 a clear one
     #: Names that can imitate it on some data; they leave the catalogue with it in the unknown arm
     twins: tuple[str, ...] = ()
@@ -186,7 +186,7 @@ def _stribeck_form(t: Any, x: Any, v: Any, w: Any, p: Params, h: float) -> Any:
     return -level * sign(v, h)
 
 
-_DRY = "coulomb_friction asymmetric_friction stribeck_friction lugre_friction hysteresis input_dead_zone input_backlash power_law"
+_DRY = "coulomb_friction asymmetric_friction stribeck_friction load_friction lugre_friction hysteresis input_dead_zone input_backlash power_law"
 _SMOOTH = "parameter_dependence linear_loss quadratic_loss quadratic_drag cubic_stiffness power_law sqrt_leak parameter_error exchange gravity_tilt bilinear radiation"
 _TIME = "drift step_disturbance periodic_disturbance parameter_step parameter_drift constant_bias sensor_drift sensor_bias input_bias"
 _STOP = "end_stop state_saturation overflow sensor_saturation cubic_stiffness quadratic_loss power_law quadratic_drag"
@@ -224,6 +224,17 @@ _BALANCE = {
                              either=True, shape=_moment, marks="time"),
 }  # fmt: skip
 
+#: Laws at an input, driven by a state; the arms of forces and robots draw them.
+_PORT = {
+    "load_friction": Kind(
+        "port",
+        lambda m, s: {"coefficient": 0.1 * m, "level": 0.1 * m * s.dice[0] * float(np.sqrt(np.mean(s.x**2)))},
+        (*_DRY.split(), "input_gain"),
+        lambda t, u, v, w, p, h: -(p["level"] + p["coefficient"] * np.abs(u)) * sign(v, h),
+        "speed",
+        "speed",
+    ),
+}
 _HIDDEN = {
     "hysteresis": Kind("hidden", _hysteresis, tuple((_DRY + " hidden_relaxation").split()), variable="position"),
     "lugre_friction": Kind("hidden", _lugre, tuple(_DRY.split()), variable="speed", needs="speed"),
@@ -298,7 +309,7 @@ _PARAMETER = {
 }  # fmt: skip
 
 #: Canonical name -> family: what can be withheld.
-KINDS: dict[str, Kind] = {**_PARAMETER, **_BALANCE, **_LIMIT, **_HIDDEN, **_INPUT, **_SENSOR}
+KINDS: dict[str, Kind] = {**_PARAMETER, **_BALANCE, **_PORT, **_LIMIT, **_HIDDEN, **_INPUT, **_SENSOR}
 
 
 def scaled(v: Any, p: Params) -> Any:

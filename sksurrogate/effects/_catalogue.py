@@ -16,6 +16,7 @@ from sksurrogate.effects import _exchange as exchange
 from sksurrogate.effects import _hidden as hidden
 from sksurrogate.effects import _input as actuator
 from sksurrogate.effects import _limit as limit
+from sksurrogate.effects import _load_friction as load_friction
 from sksurrogate.effects import _parameter as parameter
 from sksurrogate.effects import _sensor as sensor
 from sksurrogate.effects._effect import BalanceEffect, BaseEffect
@@ -37,6 +38,7 @@ _ORDER: tuple[type[BaseEffect], ...] = (
     balance.CoulombFriction,
     balance.AsymmetricFriction,
     balance.StribeckFriction,
+    load_friction.LoadFriction,
     balance.CubicStiffness,
     balance.SqrtLeak,
     balance.PowerLaw,

@@ -204,6 +204,8 @@ class BalanceEffect(BaseEffect):
     at_port: ClassVar[tuple[str, ...]] = ("speed", "position", "level")
     #: What must not drive it unless a user asks for it by name: a "speed" or a "position".
     implausible: ClassVar[tuple[str, ...]] = ()
+    #: Whether it depends on what enters beside it: it is sought at every port where that is known, and in no balance.
+    of_load: ClassVar[bool] = False
 
     @abstractmethod
     def term(self, t: Any, x: np.ndarray, v: Any, theta: Sequence[Any], width: float) -> Any:
@@ -214,14 +216,13 @@ class BalanceEffect(BaseEffect):
         t : ndarray
             Time.
         x : ndarray
-            State of the location; at a port the input, 0 at a further port.
+            State of the location; at a port the input, at a further port 0 or, ``of_load``, what the drives bring there.
         v : ndarray, or tuple of two ndarrays for "v*w"
             Variable.
         theta : sequence of ndarray
             Parameters, magnitude first.
         width : float
-            Half width over which kinks such as sign(v) are smoothed, in units of v (of time where there is no v); sharper
-            kinks cost more substeps.
+            Half width over which kinks such as sign(v) are smoothed, in units of v (of time where there is no v).
         """
 
     def jump(self, theta: Sequence[Any]) -> Any:

@@ -24,7 +24,7 @@ from sksurrogate.effects._onset import Starting, edges_of, kinks_of, timed
 from sksurrogate.effects._parameter import constant_in_time
 from sksurrogate.effects._readings import read_sensors
 from sksurrogate.effects._whole_step import has_own_steps, held_for, own_run, whole_step
-from sksurrogate.effects._wires import entering, factors, kink_width, wire_of
+from sksurrogate.effects._wires import beside, entering, factors, kink_width, wire_of
 from sksurrogate.kernels.clock import check_time
 from sksurrogate.kernels.integrate import closing_weight, rk4
 from sksurrogate.kernels.record import Record
@@ -129,7 +129,7 @@ class AugmentedModel:
         return found[0] if len(found) == 1 else found or None
 
     def force_of(
-        self, i: int, t: np.ndarray, x: np.ndarray, u: np.ndarray, parameters: Sequence[np.ndarray], width: Any
+        self, i: int, t: Any, x: np.ndarray, u: np.ndarray, parameters: Sequence[Any], width: Any, varied: Any = None
     ) -> Any:
         """What law i adds to its dx/dt, or to what enters at its port, with these parameters, its kinks smoothed over a width."""
         effect, v = self.effects[i], self.variable(i, x, u)
@@ -140,7 +140,7 @@ class AugmentedModel:
         wire = self.wires[i]
         if wire.port < 0:
             return effect.term(t, x[wire.place], v, parameters, width)
-        own = u[wire.port] if wire.port < len(self.plant.inputs) else np.zeros(x.shape[1:])
+        own = beside(self.model, effect, wire.port, x[: self.n_nominal], u, varied)
         return effect.term(t, np.broadcast_to(own, x.shape[1:]), v, parameters, width)
 
     @property
@@ -203,11 +203,9 @@ class BoundModel:
             kink_width(effect, wire, values, self.held if wire.port >= 0 else self.h)
             for effect, wire, values in zip(augmented.effects, wires, self._parameters)
         ]
-        for i in [
-            i for i, effect in enumerate(augmented.effects) if isinstance(effect, Starting)
-        ]:  # kinks: a width of the variable, edges: of time
-            self._widths[i] = self._widths[i], self.h
         effects = augmented.effects
+        for i in [i for i, effect in enumerate(effects) if isinstance(effect, Starting)]:
+            self._widths[i] = self._widths[i], self.h  # kinks: a width of the variable, edges: of time
         self._has_limits = any(isinstance(effect, LimitEffect) for effect in effects)
         self._drift = any(isinstance(e, ParameterEffect) and not constant_in_time(e) for e in effects)
         self._constant_params = None
@@ -292,9 +290,9 @@ class BoundModel:
         """What enters at the ports: the inputs ``u``, with the laws that act there."""
         if not self._at_ports:
             return u
-        a, wires = self.a, self.a.wires
-        forces = [(wires[i].port, a.force_of(i, t, x, u, self._parameters[i], self._widths[i])) for i in self._at_ports]
-        return entering(a.plant, u, forces, x.shape[1:])
+        a, varied = self.a, self.params_at(t, x, u)
+        given = [(i, t, x, u, self._parameters[i], self._widths[i], varied) for i in self._at_ports]
+        return entering(a.plant, u, [(a.wires[one[0]].port, a.force_of(*one)) for one in given], x.shape[1:])
 
     def derivative(self, t: np.ndarray, x: np.ndarray, u: np.ndarray) -> np.ndarray:
         """dx/dt with the effects."""

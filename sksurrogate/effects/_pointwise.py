@@ -50,9 +50,9 @@ def _signal(model: Augmented, name: str, x: Any, u: Any) -> Any:
 
 
 def entering_at(
-    model: Augmented, t: Any, x: Any, u: Any, laws: Sequence[tuple[BalanceEffect, Any]]
+    model: Augmented, t: Any, x: Any, u: Any, p: Mapping[str, Any], laws: Sequence[tuple[BalanceEffect, Any]]
 ) -> tuple[Any, tuple[Any, ...]]:
-    """The inputs with laws at them, and what enters at further ports, where a law acts at one."""
+    """The inputs with laws at them, and what enters at further ports, where a law acts at one; ``p``: parameters that act."""
     if not laws:
         return u, ()
     inputs, further = list(model.inputs), offered_ports(model.simulator)
@@ -60,7 +60,8 @@ def entering_at(
     for effect, given in laws:
         here = str(effect.location)
         rows, i = (enters, inputs.index(here)) if here in inputs else (forces, further.index(here))
-        own = u[i] if rows is enters else np.zeros_like(x[0])
+        by_drives = rows is forces and effect.of_load
+        own = model.simulator.drive_forces(x, u, p)[i] if by_drives else u[i] if rows is enters else np.zeros_like(x[0])
         rows[i] = rows[i] + term_at(model, effect, given, t, x, u, own)
     beyond = any(effect.location not in inputs for effect, _ in laws)
     return np.stack(np.broadcast_arrays(*enters)) if enters else u, (np.stack(forces),) if beyond else ()

@@ -34,9 +34,13 @@ class Port:
     levels: tuple[str, ...] = ()
     coupled: tuple[str, ...] = ()  #: Speeds and positions of other ports, whose losses and stiffnesses may act here
     constant: bool = False  #: Whether a constant force is sought too: at an input it is the input's bias
+    loaded: bool = True  #: Whether it is known what enters beside a law
+    is_a_balance: bool = False  #: Whether only laws that depend on that are sought here: all others are, in the balance
 
     def drivers(self, kind: type[BalanceEffect]) -> tuple[str | None, ...]:
         """Signals that may drive a law here; None for a function of time or a constant."""
+        if (kind.of_load and not self.loaded) or (self.is_a_balance and not kind.of_load):
+            return ()
         if not kind.drivers:
             sought = "time" in kind.at_port or (self.constant and bool(kind.at_port))
             return (None,) if sought and self.speeds else ()
@@ -58,10 +62,10 @@ class Places:
     def instances(self, kind: type[BaseEffect], plant: Plant) -> Iterator[BaseEffect]:
         """All places and variables of a plant where a kind of effect makes sense."""
         absent = set(getattr(plant.simulator, "absent_params", None) or ())
-        yield from (
-            e for e in kind.instances(plant, self.balances) if e.kind != "parameter" or e.location not in absent
-        )
-        if issubclass(kind, BalanceEffect):
+        is_law = issubclass(kind, BalanceEffect)
+        balances = () if is_law and kind.of_load else self.balances
+        yield from (e for e in kind.instances(plant, balances) if e.kind != "parameter" or e.location not in absent)
+        if is_law:
             for port in self.ports:
                 for variable in port.drivers(kind):
                     yield kind(port.name, variable)
@@ -89,10 +93,22 @@ def places_of(plant: Plant, balances: Sequence[str]) -> Places:
     structure = structure_of(PlantModel(plant))
     speeds = tuple(dict.fromkeys(v for v in structure.speed_of.values() if v is not None))
     chosen = [k for k in range(len(plant.ports)) if _is_sought(structure, plant, k, speeds)]
-    found = tuple(_port(structure, plant, k, chosen, speeds) for k in chosen)
+    found = [_port(structure, plant, k, chosen, speeds) for k in chosen]
     further = [k for k in chosen if k >= len(plant.inputs)]
     made = _made_by(structure, plant, further, speeds)
+    for k in _balanced(structure, plant, further):
+        moved = tuple(plant.states[i] for i in np.flatnonzero(structure.moved[:, k]))
+        found.append(Port(plant.ports[k], levels=moved, is_a_balance=True))
     return Places(tuple(name for name in balances if name not in made), tuple(p for p in found if p is not None))
+
+
+def _balanced(structure: Structure, plant: Plant, further: Sequence[int]) -> list[int]:
+    """Inputs that enter one balance in proportion, and no joint."""
+    return [
+        k
+        for k in range(len(plant.inputs))
+        if structure.is_a_balance(k) and not any(structure.parallel(k, other) for other in further)
+    ]
 
 
 def _is_sought(structure: Structure, plant: Plant, k: int, speeds: Sequence[str]) -> bool:
@@ -112,17 +128,17 @@ def _is_sought(structure: Structure, plant: Plant, k: int, speeds: Sequence[str]
 
 def _port(structure: Structure, plant: Plant, k: int, chosen: Sequence[int], speeds: Sequence[str]) -> Port | None:
     """A port with the states that may drive laws there."""
-    name = plant.ports[k]
+    name, loaded = plant.ports[k], k < len(plant.inputs) or hasattr(plant.simulator, "drive_forces")
     moved = tuple(plant.states[i] for i in np.flatnonzero(structure.moved[:, k]))
     if not set(moved) <= set(speeds):
-        return Port(name, levels=moved)
+        return Port(name, levels=moved, loaded=loaded)
     own = _own_speeds(structure, plant, k, chosen, moved, speeds)
     if not own:
         return None
     integrals = {v: q for q, v in structure.speed_of.items() if v is not None}
     others = tuple(v for v in moved if v not in own) if len(moved) <= FEW and k < len(plant.inputs) else ()
     coupled = (*others, *(integrals[v] for v in others))
-    return Port(name, own, tuple(integrals[v] for v in own), (), coupled, k >= len(plant.inputs))
+    return Port(name, own, tuple(integrals[v] for v in own), (), coupled, k >= len(plant.inputs), loaded)
 
 
 def _own_speeds(

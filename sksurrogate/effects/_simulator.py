@@ -276,7 +276,7 @@ class AugmentedSimulator(BaseSimulator):
         """dx/dt with the effects (kinks are sharp unless ``scale`` is given)."""
         states, acting = list(self.states), acting_params(self, t, x, u, p)
         laws = [(e, g) for e, g in paired(self.effects, self.values) if isinstance(e, BalanceEffect)]
-        enters, forces = self._entering(t, x, u)
+        enters, forces = self._entering(t, x, u, acting)
         dx = list(self.simulator.rhs(t, x, enters, acting, *forces))
         for effect, given in laws:
             if effect.location in states:
@@ -284,18 +284,19 @@ class AugmentedSimulator(BaseSimulator):
                 dx[i] = dx[i] + term_at(self, effect, given, t, x, u, x[i])
         return dx
 
-    def _entering(self, t: Any, x: Any, u: Any) -> tuple[Any, tuple[Any, ...]]:
+    def _entering(self, t: Any, x: Any, u: Any, p: Mapping[str, Any]) -> tuple[Any, tuple[Any, ...]]:
         """The inputs with the laws at them, and what enters at further ports."""
         laws = [(e, g) for e, g in paired(self.effects, self.values) if isinstance(e, BalanceEffect)]
-        return entering_at(self, t, x, u, [(e, g) for e, g in laws if e.location not in list(self.states)])
+        return entering_at(self, t, x, u, p, [(e, g) for e, g in laws if e.location not in list(self.states)])
 
     @available_if(_has_output)
     def output(self, t: Any, x: Any, u: Any, p: Mapping[str, Any]) -> list[Any]:
         """Readings of the sensors."""
         names = list(self.outputs)
         if callable(getattr(self.simulator, "output", None)):
-            enters, forces = self._entering(t, x, u)
-            plain = list(self.simulator.output(t, x, enters, acting_params(self, t, x, u, p), *forces))
+            params = acting_params(self, t, x, u, p)
+            enters, forces = self._entering(t, x, u, params)
+            plain = list(self.simulator.output(t, x, enters, params, *forces))
         else:
             plain = [x[list(self.states).index(name)] for name in names]
         y = list(plain)

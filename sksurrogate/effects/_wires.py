@@ -68,6 +68,18 @@ def kink_width(effect: BaseEffect, wire: Wire, parameters: Sequence[Any], h: flo
     return effect.smoothed(parameters, width, h * wire.feedback) if isinstance(effect, BalanceEffect) else width
 
 
+def beside(
+    model: PlantModel, effect: BalanceEffect, port: int, x: np.ndarray, u: np.ndarray, varied: Any = None
+) -> Any:
+    """What enters at a port beside a law there: the input; at a further port 0, or what the drives bring if the law depends on it.
+
+    ``varied``: parameters that differ from their nominal values.
+    """
+    if port < len(model.plant.inputs):
+        return u[port]
+    return model.brought(port, x, u, varied) if effect.of_load else np.zeros(x.shape[1:])
+
+
 def entering(
     plant: Plant, u: np.ndarray, forces: Sequence[tuple[int, np.ndarray]], shape: tuple[int, ...]
 ) -> np.ndarray:

@@ -136,6 +136,16 @@ class PlantModel:
         assert self._step is not None
         return self._call(self._step, t, x, u, varied, dt)
 
+    def brought(
+        self, port: int, x: np.ndarray, u: np.ndarray, varied: Mapping[str, np.ndarray] | None = None
+    ) -> np.ndarray:
+        """What the drives of a simulator bring at a further port (``drive_forces``), (*s)."""
+        plant, shape = self.plant, x.shape[1:]
+        inputs = np.broadcast_to(u[: len(plant.inputs)], (len(plant.inputs), *shape))
+        p = {name: np.broadcast_to(value, shape) for name, value in (varied or {}).items()}
+        forces = plant.simulator.drive_forces(x, inputs, {**plant.params, **p})
+        return np.asarray(forces[offered_ports(plant.simulator).index(plant.ports[port])])
+
     def march(
         self,
         x0: np.ndarray,

@@ -17,7 +17,6 @@ from sksurrogate.physics._mujoco_march import held_inputs, run_by_rollout, run_i
 from sksurrogate.physics._mujoco_patch import patched
 from sksurrogate.physics._mujoco_points import Points
 from sksurrogate.physics._mujoco_read import NamedModel, whole_steps
-from sksurrogate.physics._mujoco_units import joint_units
 
 #: The way out of a run that diverged.
 AFTER_DIVERGING = (
@@ -28,6 +27,10 @@ AFTER_DIVERGING = (
 
 def _is_markov(self: MuJoCoSimulator) -> bool:
     return self._engine().markov
+
+
+def _has_equations(self: MuJoCoSimulator) -> bool:
+    return self._engine().has_equations
 
 
 def _has_sensors(self: MuJoCoSimulator) -> bool:
@@ -157,15 +160,6 @@ class MuJoCoSimulator(NamedModel):
         super().set_params(**params)
         return self
 
-    def own_units(self) -> dict[str, str]:
-        """SI units of joints, ports and time."""
-        return joint_units(self._engine().origin)
-
-    def own_bounds(self) -> dict[str, tuple[float, float]]:
-        """Ranges of parameters that cannot be negative: damping, dry friction and armature of joints."""
-        known = self._engine().parameters
-        return {name: (0.0, np.inf) for name in self.params if known[name].not_negative}
-
     # ---- points -----------------------------------------------------------------------------------------------------
     @available_if(_is_markov)
     def rhs(self, t: Any, x: Any, u: Any, p: Mapping[str, Any], forces: Any = None) -> np.ndarray:
@@ -205,6 +199,14 @@ class MuJoCoSimulator(NamedModel):
         same = {*self.states, *self._engine().layout.same}
         read = np.empty(0) if same.issuperset(self.outputs) else self._engine().sensors(at)
         return self._select(at.x, read, axis=0).reshape(-1, *shape)
+
+    @available_if(_has_equations)
+    def drive_forces(self, x: Any, u: Any, p: Mapping[str, Any]) -> np.ndarray:
+        """What the actuators bring at every port (n_ports, *s), of a model that is a tree of hinges and slides. Arguments as in :meth:`rhs`."""
+        shape, at = self._points(0.0, x, u, p, None)
+        engine = self._engine()
+        places = [engine.layout.ports.index(name) for name in self.ports]
+        return engine.drive_forces(at)[places].reshape(-1, *shape)
 
     def _points(self, t: Any, x: Any, u: Any, p: Mapping[str, Any], forces: Any) -> tuple[tuple[int, ...], Points]:
         """Shape s, and where the engine is asked."""

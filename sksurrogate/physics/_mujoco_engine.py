@@ -138,6 +138,16 @@ class Engine:
             out[:, left] = by_mujoco(at.some(left))
         return out
 
+    def drive_forces(self, at: Points) -> np.ndarray:
+        """What the drives bring at every joint (n_joints, n_points), by the model's equations."""
+        assert self._equations is not None
+        return self._equations.drive_forces(at)
+
+    @property
+    def has_equations(self) -> bool:
+        """Whether the model's equations are written here."""
+        return self._equations is not None
+
     @cached_property
     def _equations(self) -> MuJoCoEquations | None:
         """None where they do not say what MuJoCo says at random points."""

@@ -7,7 +7,7 @@ every other model, MuJoCo is asked.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, TypeAlias
 
@@ -78,17 +78,24 @@ def accelerations(tree: Tree, u: Joints, forces: Joints | None, q: Joints, v: Jo
     places = [link.place(minus(a, zero)) for link, a, zero in zip(tree.links, q, tree.zero)]
     M = mass_matrix(tree.links, tree.inertia, places)
     held = bias(tree.links, tree.inertia, places, v, tree.gravity)
-    torque: Joints = [0.0] * len(q) if forces is None else list(forces)
-    for drive, value in zip(tree.drives, u):
-        for j, own in drive.torques(value, q, v).items():
-            torque[j] = plus(torque[j], own)
+    torque = driven(tree, u, q, v)
     for j in range(len(q)):
         spring = times(tree.stiffness[j], minus(q[j], tree.slack[j]))
-        torque[j] = minus(torque[j], plus(spring, times(tree.damping[j], v[j]), held[j]))
+        entering = 0.0 if forces is None else forces[j]
+        torque[j] = minus(plus(entering, torque[j]), plus(spring, times(tree.damping[j], v[j]), held[j]))
     M = with_diagonal(M, tree.armature)
     rubbing = list(map(DryFriction, tree.friction, tree.softness, tree.stopping))
     torque = list(map(plus, torque, friction_of(rubbing, M, torque, v)))
     return solved(M if damped is None else with_diagonal(M, damped), torque)
+
+
+def driven(tree: Tree, u: Joints, q: Joints, v: Joints) -> Joints:
+    """What the drives bring at every joint."""
+    torque: Joints = [0.0] * len(q)
+    for drive, value in zip(tree.drives, u):
+        for j, own in drive.torques(value, q, v).items():
+            torque[j] = plus(torque[j], own)
+    return torque
 
 
 def softness_at_rest(tree: Tree) -> Joints:
@@ -184,6 +191,14 @@ class MuJoCoEquations:
                 q, v = stepped(solve, q, v, h, order_four)
             out[:, rows] = _stacked([*q, *v])
         return np.where(self._sound(at, out) & ~beyond & ~self._beyond(out), out, np.nan)
+
+    def drive_forces(self, at: Points) -> np.ndarray:
+        """What the drives bring at every joint (n_joints, n_points)."""
+        out = np.empty((len(self.tree.links), at.x.shape[1]))
+        at = replace(at, p={name: value for name, value in at.p.items() if self.parameters[name].element == "actuator"})
+        for rows, (tree, u, _, q, v) in self._blocks(at):
+            out[:, rows] = _stacked([np.broadcast_to(one, q[0].shape) for one in driven(tree, u, q, v)])
+        return out
 
     def _beyond(self, q: Any) -> np.ndarray:
         """Where an end stop acts (n_points,), by positions: one array for each joint, and what comes behind them."""

@@ -15,6 +15,7 @@ from sksurrogate.exceptions import SimulatorError
 from sksurrogate.physics._mujoco_effects import law_of
 from sksurrogate.physics._mujoco_engine import Engine
 from sksurrogate.physics._mujoco_source import files_of, identity, read_model
+from sksurrogate.physics._mujoco_units import joint_units
 from sksurrogate.physics._params import ParametricSimulator
 
 
@@ -143,6 +144,15 @@ class NamedModel(ParametricSimulator):
                 f"x0 has {start.shape[-1]} values, expected {engine.n_states}: one for each of states={self.states}."
             )
         return start
+
+    def own_units(self) -> dict[str, str]:
+        """SI units of joints, ports and time."""
+        return joint_units(self._engine().origin)
+
+    def own_bounds(self) -> dict[str, tuple[float, float]]:
+        """Ranges of parameters that cannot be negative: damping, dry friction and armature of joints."""
+        known = self._engine().parameters
+        return {name: (0.0, np.inf) for name in self.params if known[name].not_negative}
 
     @property
     def states(self) -> list[str]:

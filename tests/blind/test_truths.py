@@ -62,6 +62,7 @@ OSCILLATOR = [  # name, location, variable, params
     ("coulomb_friction", "velocity", "velocity", {"level": 0.5}),
     ("asymmetric_friction", "velocity", "velocity", {"level": 0.5, "offset": 0.2}),
     ("stribeck_friction", "velocity", "velocity", {"level": 0.4, "static_level": 0.8, "velocity": 0.5}),
+    ("load_friction", "force", "velocity", {"coefficient": 0.2, "level": 0.1}),
     ("cubic_stiffness", "velocity", "position", {"coefficient": 3.0}),
     ("exchange", "velocity", "position", {"coefficient": 0.3}),
     ("radiation", "velocity", "position", {"coefficient": 0.1}),

@@ -31,6 +31,7 @@ TABLE = {
     "coulomb_friction": ["level"],
     "asymmetric_friction": ["level", "offset"],
     "stribeck_friction": ["level", "static_level", "velocity"],
+    "load_friction": ["coefficient", "level"],
     "cubic_stiffness": ["coefficient"],
     "sqrt_leak": ["coefficient"],
     "power_law": ["coefficient", "exponent"],

@@ -171,7 +171,8 @@ def test_the_pairing_survives_gears_and_any_order_of_the_torques(seed):
 
 
 def test_a_port_that_enters_one_balance_is_not_sought_twice():
-    assert places_of(describe(cart()), ["v"]).ports == ()
+    assert places_of(describe(cart()), ["v"]).ports == (Port("force", levels=("v",), is_a_balance=True),)
+    assert keys(build_effects(describe(cart()), ["v"], "load_friction")) == {("load_friction", "force", "v")}
     assert {effect.location for effect in build_effects(describe(cart()), ["v"], "coulomb_friction")} == {"v"}
     asked = CATALOGUE["coulomb_friction"]("force", "v")  # by name of the place it can be asked for
     assert build_effects(describe(cart()), ["v"], asked) == [asked]

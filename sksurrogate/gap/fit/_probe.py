@@ -8,6 +8,7 @@ import numpy as np
 
 from sksurrogate.effects._effect import BaseEffect, Probe
 from sksurrogate.effects._ports import at_port
+from sksurrogate.effects._wires import beside
 
 
 class SignalSlopes(Protocol):
@@ -37,8 +38,9 @@ def probe_of(
         v = np.prod(factors, axis=0)
     where, rate, feedback = np.zeros(record.n_samples), 0.0, None
     if at_port(effect, plant):
-        rate, feedback = problem.port_rate(str(effect.location)), problem.augmented((effect,)).wires[0].feedback
-        where = signal(str(effect.location)) if effect.location in plant.inputs else where
+        model, port = problem.augmented((effect,)), plant.ports.index(str(effect.location))
+        rate, feedback = problem.port_rate(str(effect.location)), model.wires[0].feedback
+        where = beside(model.model, effect, port, x, record.u)
     elif effect.kind == "state":
         place = plant.states.index(str(effect.location))
         where, rate = x[place], float(rates[place])

@@ -26,7 +26,7 @@ def effect_curve(effect: EffectEstimate, report: ReportData) -> Curve | None:
     """
     kind = CATALOGUE.get(effect.name)
     ends = report.ranges.get(effect.variable or "")
-    if kind is None or not issubclass(kind, BalanceEffect) or issubclass(kind, HiddenEffect):
+    if kind is None or not issubclass(kind, BalanceEffect) or issubclass(kind, HiddenEffect) or kind.of_load:
         return None
     if ends is None or not ends[1] > ends[0]:
         return None

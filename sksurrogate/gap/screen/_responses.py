@@ -22,6 +22,7 @@ from sksurrogate.effects._limit import in_force
 from sksurrogate.effects._model import AugmentedModel
 from sksurrogate.effects._onset import Starting
 from sksurrogate.effects._parameter import ParameterError, ParameterStep, constant_in_time
+from sksurrogate.effects._wires import beside
 from sksurrogate.gap.fit._normal_equations import project_starts
 from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.fit._pushes import a_sample_later
@@ -183,11 +184,13 @@ class Responses:
     def let_stick(self, out: np.ndarray, effect: BalanceEffect, model: AugmentedModel, starts: np.ndarray) -> None:
         """Columns of a friction along a path that sticks, where the sign is that of the noise, from a run that is slowed."""
         problem, wire = self.problem, model.wires[-1]
-        stuck = sticks(effect, starts, wire, problem.record.dt)
+        x, record = self.smoothed.x, problem.record
+        load = beside(model.model, effect, wire.port, x, record.u) if wire.port >= 0 else np.zeros(record.n_samples)
+        stuck = sticks(effect, starts, wire, record.dt, load)
         if not np.any(stuck):
             return
         push = self.unit_push(str(effect.location)) if wire.port >= 0 else None
-        moved = self.sampled(slowed(problem, effect, starts[:, stuck], self.smoothed.x, push), int(np.sum(stuck)))
+        moved = self.sampled(slowed(problem, effect, starts[:, stuck], x, load, push), int(np.sum(stuck)))
         out[:, stuck] = np.einsum("oit,ist->ost", self.C, moved)
 
     def acted(self, change: np.ndarray) -> np.ndarray:

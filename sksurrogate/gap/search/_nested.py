@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from sksurrogate.effects._effect import BaseEffect, HiddenEffect, LimitEffect, SensorEffect
+from sksurrogate.effects._effect import BalanceEffect, BaseEffect, HiddenEffect, LimitEffect, SensorEffect
 from sksurrogate.effects._input import InputQuantization, RememberingActuator
 from sksurrogate.effects._sensor import SensorQuantization
 
@@ -54,4 +54,5 @@ def of_one_curve(one: BaseEffect, other: BaseEffect) -> bool:
 
 def _is_curve(effect: BaseEffect) -> bool:
     remembers = isinstance(effect, SensorEffect) and effect.memory
-    return not (remembers or isinstance(effect, NO_CURVES))
+    of_two = isinstance(effect, BalanceEffect) and effect.of_load
+    return not (remembers or of_two or isinstance(effect, NO_CURVES))
