@@ -29,25 +29,33 @@ NOMINAL = cart(lambda v: 0.0 * v)
 COULOMB = CATALOGUE["coulomb_friction"]("speed", "speed")
 
 
-def recorded(plant):
+def recorded(plant, noise=NOISE):
     rng = np.random.default_rng(1)
     U = [np.repeat(rng.uniform(-2.5, 2.5, N // 20), 20)[:, None] for _ in range(RUNS)]
-    return U, [np.reshape(plant.simulate(u), (N, 1)) + NOISE * rng.normal(size=(N, 1)) for u in U]
+    return U, [np.reshape(plant.simulate(u), (N, 1)) + noise * rng.normal(size=(N, 1)) for u in U]
+
+
+def friction_fitted(plant, noise=NOISE):
+    """The set with the friction, fitted to a plant."""
+    U, Y = recorded(plant, noise)
+    record = Record.from_runs(U, Y, [DT * np.arange(N)] * RUNS, DT)
+    known = describe(NOMINAL, n_inputs=1, n_outputs=1, dt=DT)
+    problem, smoothed = build_problem(known, PlantModel(known), record, (), ("speed",))
+    return problem.fit((COULOMB,), np.array([LEVEL]), smoothed.x)
 
 
 @pytest.fixture(scope="module")
 def fitted():
-    """The set with the friction, fitted to a plant whose friction has a width and to one whose friction jumps."""
+    """A plant whose friction has a width, and one whose friction jumps."""
+    round_one = friction_fitted(cart(lambda v: LEVEL * np.tanh(v / WIDTH)))
+    return round_one, friction_fitted(AugmentedSimulator(NOMINAL, [COULOMB], [(LEVEL,)]))
 
-    def of(plant):
-        U, Y = recorded(plant)
-        record = Record.from_runs(U, Y, [DT * np.arange(N)] * RUNS, DT)
-        known = describe(NOMINAL, n_inputs=1, n_outputs=1, dt=DT)
-        problem, smoothed = build_problem(known, PlantModel(known), record, (), ("speed",))
-        return problem.fit((COULOMB,), np.array([LEVEL]), smoothed.x)
 
-    round_one = of(cart(lambda v: LEVEL * np.tanh(v / WIDTH)))
-    return round_one, of(AugmentedSimulator(NOMINAL, [COULOMB], [(LEVEL,)]))
+def test_a_narrow_width_is_found_between_that_of_numerics_and_the_first_wider_one():
+    candidate = friction_fitted(cart(lambda v: LEVEL * np.tanh(v / 0.02)), NOISE / 6)
+    best = rounded(candidate, price=10.0)
+    assert best.model.bind(best.fit.theta[:, None]).widths == pytest.approx([0.02], rel=0.25)
+    assert best.fit.cost < 0.5 * candidate.fit.cost
 
 
 def test_the_width_is_that_of_the_plant(fitted):

@@ -39,13 +39,17 @@ def rounded(candidate: OdeCandidate, price: float) -> OdeCandidate:
 
 
 def _widths_around(candidate: OdeCandidate) -> dict[float, OdeCandidate]:
-    """A set by its sharpness: as it is, and with wider kinks up to the first that leave more."""
-    tried = {candidate.problem.numerics.sharpness: candidate}
+    """A set by its sharpness: as it is, and with wider kinks up to the first that leave more; if all do, with some in between."""
+    own = candidate.problem.numerics.sharpness
+    tried = {own: candidate}
     for sharpness in WIDER:
         nearest = _nearest(tried)
         tried[sharpness] = with_width(nearest, sharpness) or candidate
         if tried[sharpness].fit.cost > nearest.fit.cost:
             break
+    if _nearest(tried) is candidate:
+        between = float(np.sqrt(own * WIDER[0]))
+        tried[between] = with_width(candidate, between) or candidate
     return tried
 
 
