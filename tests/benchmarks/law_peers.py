@@ -1,4 +1,5 @@
-"""Peers for missing terms: sparse regression (pysindy) and symbolic regression (gplearn) of the derivative that a simulator leaves.
+"""Peers for missing terms: sparse regression (pysindy), symbolic regression (gplearn) and a small network (a generic correction) of the
+derivative that a simulator leaves.
 
 All see the same residual: the smoothed derivative of noisy runs less what the simulator without the term says at the smoothed states.
 Of the thresholds the one that suits the truth is taken, more than a user can choose.
@@ -55,11 +56,19 @@ def symbolic(Z: np.ndarray, left: np.ndarray) -> Iterator[Term]:
     yield SymbolicRegressor(function_set=functions, random_state=0).fit(Z, left).predict
 
 
+def generic(Z: np.ndarray, left: np.ndarray) -> Iterator[Term]:
+    """A generic correction: the package's own network of 20 nodes, its penalty by evidence."""
+    from sksurrogate.neural import FNNRegressor
+
+    yield FNNRegressor(20, alpha="evidence", random_state=0).fit(Z, left).predict
+
+
 #: Name -> (states, residual) -> terms, one a setting.
 PEERS: dict[str, Callable[[np.ndarray, np.ndarray], Iterator[Term]]] = {
     "STLSQ": lambda Z, left: sparse(Z, left, bagged=False),
     "STLSQ, bagged": lambda Z, left: sparse(Z, left, bagged=True),
     "gplearn": symbolic,
+    "generic correction": generic,
 }
 
 
