@@ -1,7 +1,8 @@
 """How well is a missing term found as a formula: published systems with one term deleted, against peers, and recordings.
 
 Run: ``python tests/benchmarks/bench_laws.py systems [NAME ...]``, ``... peers [NAME ...]`` (the peers alone),
-``... false [NAME ...]`` (the same systems with nothing deleted, half of them under a coloured disturbance) or
+``... false [NAME ...]`` (the same systems with nothing deleted, half of them under a coloured disturbance),
+``... stages [NAME ...]`` (seconds of the search for a law; systems of two states by default) or
 ``... recordings [NAME ...]`` (data below ``SKSURROGATE_DATA``; long records are cut to ``ROWS`` rows). A term is recovered where
 the R2 of the formula against the true term, along runs that nobody fitted, is at least 0.99. The peers of ``law_peers.py`` (pysindy,
 gplearn) see the same runs; one that is not installed is nan. Recordings are diagnosed with and without the accepted names: the law
@@ -14,6 +15,7 @@ import sys
 import time
 import warnings
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
 
@@ -23,6 +25,7 @@ from published_systems import SYSTEMS, System
 from scipy.signal import lfilter
 
 from sksurrogate.gap import GapDiagnoser
+from sksurrogate.gap._pipeline import DiagnosisPipeline
 from sksurrogate.physics import ODESimulator
 
 #: Noise over the deviation of each state; runs that are fitted, and runs that nobody fits.
@@ -150,6 +153,40 @@ def false(names: list[str]) -> None:
     print(f"certified laws: {certified} of {len(names or SYSTEMS)}")
 
 
+@contextmanager
+def timed_stages() -> Iterator[dict[str, float]]:
+    """Processor seconds of every stage of the diagnoses within, by name."""
+    spent, asked = dict[str, float](), DiagnosisPipeline.ask
+
+    def timed(pipeline: Any, stage: Any) -> None:
+        begun = time.process_time()
+        asked(pipeline, stage)
+        spent[stage.name] = spent.get(stage.name, 0.0) + time.process_time() - begun
+
+    DiagnosisPipeline.ask = timed  # type: ignore[method-assign]
+    try:
+        yield spent
+    finally:
+        DiagnosisPipeline.ask = asked  # type: ignore[method-assign]
+
+
+def stages(names: list[str]) -> None:
+    """Processor seconds of a diagnosis with the whole catalogue, and of its last stage, the search for a law."""
+    shares = []
+    for name, system, runs, noise, _ in questions(names or [n for n, one in SYSTEMS.items() if len(one.states) == 2]):
+        y = (runs + noise).reshape(-1, runs.shape[2])
+        groups = np.repeat(np.arange(len(runs)), runs.shape[1])
+        with timed_stages() as spent:
+            diagnoser = GapDiagnoser(simulator_of(system, False), n_jobs=1, random_state=0)
+            report = diagnoser.fit(np.zeros((len(y), 0)), y, groups=groups).report_
+        law, whole = spent.get("law", 0.0), sum(spent.values())
+        shares.append((law, law / whole))
+        named = [effect.name for effect in report.effects]
+        print(f"{name}: {report.verdict} {named}: law {law:.1f} of {whole:.1f} s", flush=True)
+    seconds, part = np.median(shares, axis=0)
+    print(f"median {seconds:.1f} s, share {part:.2f}, largest share {max(share for _, share in shares):.2f}")
+
+
 def recordings(names: list[str]) -> None:
     """What the names close on runs left out, and what a law closes where they are excluded, and all that imitate them."""
     from recordings import problem
@@ -176,4 +213,5 @@ def recordings(names: list[str]) -> None:
 if __name__ == "__main__":
     warnings.simplefilter("ignore")
     what, *asked = sys.argv[1:] or ["systems"]
-    {"systems": systems, "peers": peers, "false": false, "recordings": recordings}[what](asked)
+    ways = {"systems": systems, "peers": peers, "false": false, "stages": stages, "recordings": recordings}
+    ways[what](asked)

@@ -207,6 +207,16 @@ class BaseCandidate(ABC):
         """Parameters of the effects, without re-tuned ones."""
         return sum(len(effect.parameters) for effect in self.effects)
 
+    @property
+    def n_fitted(self) -> int:
+        """All that was fitted: parameters, and initial states that are not known."""
+        return len(self.fit.theta) + self.n_starts
+
+    @property
+    @abstractmethod
+    def n_starts(self) -> int:
+        """Initial states that are not known, of all runs."""
+
     def slice_of(self, i: int) -> slice:
         """Where the parameters of effect i stand."""
         first = sum(len(effect.parameters) for effect in self.effects[:i])

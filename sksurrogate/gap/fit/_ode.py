@@ -120,6 +120,10 @@ class OdeCandidate(BaseCandidate):
         J_x = self.linearised.J_x[:, self.model.free_states] * (1.0 / self.problem.sd[:, None, None])
         return list(start_bases(J_x, starts, J_x.shape[-1]))
 
+    @property
+    def n_starts(self) -> int:
+        return int(np.sum(self.model.free_states)) * len(self.problem.record.starts)
+
     def without_starts(self, columns: np.ndarray, starts: np.ndarray | None = None) -> np.ndarray:
         white = 1.0 / self.problem.sd[:, None]
         bases = self.start_bases if starts is None else self._bases_from(starts)

@@ -63,6 +63,10 @@ class TrajectoryCandidate(BaseCandidate):
     def columns(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         return self.residual, self.fit.J, *self.step_prior
 
+    @property
+    def n_starts(self) -> int:
+        return len(self.problem.record.starts) * self.problem.transients.shape[1] * self.problem.free_starts
+
     def without_starts(self, columns: np.ndarray, starts: np.ndarray | None = None) -> np.ndarray:
         return self.problem.without_starts(columns, starts)
 

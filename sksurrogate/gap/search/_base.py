@@ -22,6 +22,7 @@ from sksurrogate.gap.fit._evidence import (
     evidence_threshold,
     gain_by_size,
     judged_under,
+    known_from_itself,
 )
 from sksurrogate.gap.fit._prior import retuning_cost
 from sksurrogate.gap.results._next_experiment import NATS_THAT_SETTLE
@@ -213,8 +214,11 @@ class BaseSearch(ABC, Generic[C]):
 
     def evidence(self, candidate: C) -> float:
         """Log likelihood, with what it costs to move the free parameters: a far re-tuning must not imitate an effect."""
-        known = self.judged.get(candidate)
-        return -np.inf if known is None else known.log_likelihood - 0.5 * self.prior_cost(candidate)
+        known, null = self.judged.get(candidate), self.judged.get(self.fitted_null.candidate)
+        if known is None:
+            return -np.inf
+        own, base = known.log_likelihood - 0.5 * self.prior_cost(candidate), 0.0 if null is None else null.log_likelihood
+        return base + known_from_itself(own - base, candidate.n_fitted, self.n_values)
 
     def gain(self, candidate: C) -> float:
         """2 (L_candidate - L_null)."""
