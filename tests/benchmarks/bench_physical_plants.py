@@ -19,6 +19,7 @@ import physical_plants_fields  # noqa: F401
 import physical_plants_imperfect  # noqa: F401
 import physical_plants_labs  # noqa: F401
 import physical_plants_messy  # noqa: F401
+import physical_plants_mills  # noqa: F401
 import physical_plants_one  # noqa: F401
 import physical_plants_other  # noqa: F401
 import physical_plants_rigs  # noqa: F401
