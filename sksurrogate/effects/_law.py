@@ -23,6 +23,8 @@ from sksurrogate.kernels.signals import Signal, lag
 
 #: Laws act after the effects of the catalogue on the same input or sensor.
 LAST = 99
+#: Shapes that turn round where their signal changes its sign, and which entry of their factor is the width of that.
+OWN_WIDTH = {"sign": 3, "tanh": 2}
 
 
 class _Formula(BaseEffect):
@@ -154,23 +156,31 @@ class LawEffect(_Formula, BalanceEffect):  # type: ignore[misc]
     signature = "whatever no named effect explains"
     drivers = ("state", "input")
 
-    def term(self, t: Any, x: np.ndarray, v: Any, theta: Sequence[Any], width: float) -> Any:
-        """``sum of c f(v, w)``."""
-        return np.zeros_like(x) + self.added(self.signals(v), t, theta, width if self._jumps() else 0.0)
+    def term(self, t: Any, x: np.ndarray, v: Any, theta: Sequence[Any], width: Any) -> Any:
+        """``sum of c f(v, w)``; ``width``: 0, or a width and the step that has to follow its turns (:meth:`smoothed`)."""
+        signals, h = self.signals(v), width[1] if isinstance(width, tuple) else 0.0
+        out = np.zeros_like(x)
+        for coefficient, term in self.filled(theta):
+            followed = self._followed(coefficient, term, signals, t, h) if np.ndim(h) or h > 0 else term
+            out = out + coefficient * followed.value(signals, t)
+        return out
 
-    def _jumps(self) -> list[int]:
-        """Terms that jump where the balance's own state changes its sign."""
-        own = self.variable == self.location
-        return [k for k, term in enumerate(self.terms) if own and any(f[0] == "sign" for f in term.factors)]
+    def _turns(self, term: Term) -> list[int]:
+        """Factors of a term that turn round where the balance's own state changes its sign."""
+        return [i for i, f in enumerate(term.factors) if f[0] in OWN_WIDTH and f[1] == self.location]
 
-    def jump(self, theta: Sequence[Any]) -> Any:
-        """The coefficients of its signs."""
-        found = [np.abs(theta[k]) for k in self._jumps() if len(self.terms[k].factors) == 1]
-        return sum(found) if found else 0.0
+    def _followed(self, coefficient: Any, term: Term, signals: dict[str, Any], t: Any, h: Any) -> Term:
+        """A term whose turn is as wide as steps ``h`` can follow it, whatever it is multiplied by."""
+        for i in self._turns(term):
+            f, others = term.factors[i], Term((*term.factors[:i], *term.factors[i + 1 :]))
+            width = stable(TINY, np.abs(coefficient * others.value(signals, t)), h)
+            wide = ("tanh", f[1], np.maximum(f[OWN_WIDTH[f[0]]], width), 0.0)
+            term = Term((*term.factors[:i], wide, *term.factors[i + 1 :]))
+        return term
 
     def smoothed(self, theta: Sequence[Any], width: float, h: float) -> Any:
-        """A jump is smoothed as far as steps can follow it; other kinks have widths of their own."""
-        return stable(0.0, self.jump(theta), h) if self.free and self._jumps() else 0.0
+        """A turn is smoothed as far as steps can follow it; other kinks have widths of their own."""
+        return (0.0, h) if self.free and any(map(self._turns, self.terms)) else 0.0
 
 
 class MemoryLawEffect(_Formula, HiddenEffect):  # type: ignore[misc, override]

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from sksurrogate.effects._effect import BalanceEffect, BaseEffect
+from sksurrogate.effects._law import LawEffect
 from sksurrogate.effects._ports import at_port
 from sksurrogate.effects._structure import largest_gains
 from sksurrogate.physics._model import PlantModel
@@ -48,7 +49,9 @@ def wire_of(effect: BaseEffect, model: PlantModel, width: Callable[[BaseEffect],
         return Wire(-1, drivers, None)
     smoothed = width(effect) if effect.variable else None
     if not at_port(effect, plant):
-        own = isinstance(effect, BalanceEffect) and effect.variable == effect.location
+        own = effect.variable == effect.location or (
+            isinstance(effect, LawEffect) and effect.location in factors(effect)
+        )
         return Wire(states.index(str(effect.location)), drivers, smoothed, feedback=float(own))
     port = plant.ports.index(str(effect.location))
     own_parameters = getattr(plant.simulator, "law_parameters", None) or {}

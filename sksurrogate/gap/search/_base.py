@@ -217,7 +217,10 @@ class BaseSearch(ABC, Generic[C]):
         known, null = self.judged.get(candidate), self.judged.get(self.fitted_null.candidate)
         if known is None:
             return -np.inf
-        own, base = known.log_likelihood - 0.5 * self.prior_cost(candidate), 0.0 if null is None else null.log_likelihood
+        own, base = (
+            known.log_likelihood - 0.5 * self.prior_cost(candidate),
+            0.0 if null is None else null.log_likelihood,
+        )
         return base + known_from_itself(own - base, candidate.n_fitted, self.n_values)
 
     def gain(self, candidate: C) -> float:

@@ -18,7 +18,7 @@ from sksurrogate.gap.unnamed._families import factors_of
 #: Drivers of which products are formed.
 MOST_OF_PRODUCTS = 6
 #: Shapes whose product with a square is tried: a rate that depends on a temperature, an opening.
-OF_SQUARES = ("v", "activated", "exp", "saturating", "tanh")
+OF_SQUARES = ("v", "sign", "activated", "exp", "saturating", "tanh")
 #: Shapes that are multiplied by their own driver: v exp(-v^2), v^2 sign(v).
 TIMES_ITSELF = ("bell", "exp", "tanh", "size")
 #: Shapes of a driver that may begin at a time.
