@@ -49,7 +49,7 @@ def test_the_gain_of_a_name_counts_by_the_values_that_are_left_free():
     library = [CATALOGUE[name]("speed", "speed") for name in ("linear_loss", "quadratic_drag", "power_law")]
     search = OdeSearch(problem, library, smoothed.x)
     search.run()
-    null = search.fitted_null.log_likelihood
+    null = search.judged[search.fitted_null.candidate].log_likelihood
     for candidate in search.first_round:
         free = 1.0 - (2 + candidate.n_parameters) / N  # two initial states
         whole = 2.0 * (search.judged[candidate].log_likelihood - null)
