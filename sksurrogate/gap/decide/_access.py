@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import Any, ClassVar, Generic
 
 import numpy as np
@@ -11,16 +11,18 @@ import numpy as np
 from sksurrogate._parallel._worker_process import PendingAnswer
 from sksurrogate.gap.decide._generic_correction import Correction
 from sksurrogate.gap.decide._held_out import HeldOut
-from sksurrogate.gap.decide._law_certificate import CertifiedLaw
+from sksurrogate.gap.decide._law_certificate import CertifiedLaw, held_out_law
 from sksurrogate.gap.decide._posterior import Posterior
 from sksurrogate.gap.decide._separations import Separations
 from sksurrogate.gap.fit._evidence import C, Evidence
 from sksurrogate.gap.fit._rounding import Rounding
 from sksurrogate.gap.results._table import EMPTY, Table
-from sksurrogate.gap.search._base import BaseSearch
+from sksurrogate.gap.search._set_search import SetSearch
 from sksurrogate.gap.unnamed._channel import Place
 from sksurrogate.gap.unnamed._channels import Channels
+from sksurrogate.gap.unnamed._formula_fit import fitted_laws
 from sksurrogate.gap.unnamed._law_left import LawLeft
+from sksurrogate.gap.unnamed._likely_place import distinct
 
 
 class BaseAccess(ABC, Generic[C]):
@@ -39,10 +41,11 @@ class BaseAccess(ABC, Generic[C]):
     _channels: Channels[C] | None = None
     scale: np.ndarray | None = None  #: (n_states,): size of the states
     beside: LawLeft | None = None  #: The likeliest law without a name beside what stands, where one was looked for
+    excluded: Collection[str] = ()  #: Places where a user rules effects out: no law is looked for there
     places: list[Place] | None = None  #: Of the gap, the most likely first; None before what is left was looked at
     other_unit: str = ""  #: A sentence where the record fits in another unit of time or of its readings
 
-    def __init__(self, search: BaseSearch[C], seed: int):
+    def __init__(self, search: SetSearch[C], seed: int):
         self.search, self.seed, self.complete = search, seed, True
 
     def sensor_noise(self, final: Evidence[C]) -> np.ndarray:
@@ -110,7 +113,33 @@ class BaseAccess(ABC, Generic[C]):
 
     def law_beside(self, base: Evidence[C], final: Evidence[C], held: HeldOut) -> CertifiedLaw | None:
         """The best law on top of what is certain, at the places that are likeliest, simulated on runs left out."""
-        return None
+        search, same = self.search, base.candidate is self.channels.null
+        channels = self.channels if same else self.channels_of(base.candidate)
+        laws = fitted_laws(search, base, channels, self.places_of_law(final, bool(base.effects)))
+        if not laws:
+            return None
+        best = laws[0].found
+        evidence = search.score(best.candidate) - laws[0].price - search.score(base.candidate)
+        return CertifiedLaw(laws[0], held_out_law(search, laws, held), self.fitted_on_more(best), evidence)
+
+    @property
+    def places_by_kind(self) -> dict[str, Collection[str]]:
+        """Where this access lets a law act."""
+        plant = self.search.problem.plant
+        return {"input": plant.inputs, "output": plant.outputs}
+
+    def places_of_law(self, final: Evidence[C], named: bool) -> list[tuple[str, str]]:
+        """Where a law may stand: beside names where the evidence of a law puts it, else the likely place; then the next."""
+        beside, by_kind = self.beside, self.places_by_kind
+        first = (beside.location, beside.kind) if named and beside is not None else self.likely_place(final)
+
+        def allowed(name: str | None, kind: str | None) -> bool:
+            return name in by_kind.get(str(kind), ()) and name not in self.excluded
+
+        found = [place for place in self.places or [] if allowed(place.location, place.kind)]
+        others = distinct(sorted(found, key=lambda place: (place.location, place.kind) != first))
+        names = [*([first] if allowed(*first) else []), *((place.location, place.kind) for place in others)]
+        return list(dict.fromkeys((str(name), str(kind)) for name, kind in names))
 
     def imitated_by_retuning(self) -> list[tuple[str, str, str | None]]:
         """Effects that the re-tuning would hide."""

@@ -15,12 +15,10 @@ from sksurrogate.gap.decide._choice_by_fold import choices_by_fold
 from sksurrogate.gap.decide._held_out import HeldOut, law_held_out
 from sksurrogate.gap.decide._intervals import intervals
 from sksurrogate.gap.fit._evidence import CERTAIN, Evidence
-from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.results._effect_estimate import BAND
 from sksurrogate.gap.results._law import Law
 from sksurrogate.gap.results._shrink import Shrink
 from sksurrogate.gap.search._base import BaseSearch
-from sksurrogate.gap.search._ode_search import OdeSearch
 from sksurrogate.gap.unnamed._formula_fit import FittedLaw
 from sksurrogate.physics._simulator import Plant, units_of
 
@@ -40,11 +38,11 @@ class CertifiedLaw:
 
     law: FittedLaw  #: On the record of the search
     held: HeldOut
-    fitted: Evidence[OdeCandidate]  #: The same on more of a long record
+    fitted: Evidence[Any]  #: The same on more of a long record
     evidence: float  #: Nats by which it is likelier than no law, its price paid
 
 
-def held_out_law(search: OdeSearch, laws: Sequence[FittedLaw], held: HeldOut) -> HeldOut:
+def held_out_law(search: BaseSearch[Any], laws: Sequence[FittedLaw], held: HeldOut) -> HeldOut:
     """Beside the free runs of what is named those with the law that the runs outside each fold choose."""
     choices = [(law.found.candidate, [law.found.noise], 2.0 * law.price) for law in laws[:MOST_FORMULAE]]
     finals = choices_by_fold(search, choices)
@@ -52,7 +50,7 @@ def held_out_law(search: OdeSearch, laws: Sequence[FittedLaw], held: HeldOut) ->
 
 
 def takes_the_place(
-    search: BaseSearch[Any], law: FittedLaw, final: Evidence[OdeCandidate], rest: FittedLaw | None = None
+    search: BaseSearch[Any], law: FittedLaw, final: Evidence[Any], rest: FittedLaw | None = None
 ) -> bool:
     """Whether a formula on top of nothing, of fewer parts than names and law, stands in their place.
 
@@ -69,7 +67,7 @@ def takes_the_place(
     return bool(score(law.found.candidate) - law.price > score(named.candidate) - price + needed)
 
 
-def has_a_name_in_it(law: FittedLaw, final: Evidence[OdeCandidate]) -> bool:
+def has_a_name_in_it(law: FittedLaw, final: Evidence[Any]) -> bool:
     """Whether the constant of a formula is one of the names, which is a part of it then."""
     names = {(effect.name, effect.location) for effect in final.effects}
     return any(not term.factors for term in law.effect.terms) and (CONSTANTS[law.kind], law.location) in names

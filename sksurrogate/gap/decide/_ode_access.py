@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -14,8 +14,6 @@ from sksurrogate.effects._catalogue import name_of
 from sksurrogate.effects._effect import BalanceEffect, BaseEffect, HiddenEffect
 from sksurrogate.gap.decide._access import BaseAccess
 from sksurrogate.gap.decide._generic_correction import Correction, generic_correction, known_runs
-from sksurrogate.gap.decide._held_out import HeldOut
-from sksurrogate.gap.decide._law_certificate import CertifiedLaw, held_out_law
 from sksurrogate.gap.decide._posterior import Posterior, law_left_beside, let_stand
 from sksurrogate.gap.decide._retuning import imitated_by_retuning
 from sksurrogate.gap.decide._separations import of_ode
@@ -28,9 +26,8 @@ from sksurrogate.gap.fit._record_parts import FITTED_SAMPLES, excerpt
 from sksurrogate.gap.fit._rounding import GRID_NOTE, GRID_SHARE, Rounding, unnamed_rounding
 from sksurrogate.gap.search._ode_search import OdeSearch
 from sksurrogate.gap.unnamed._channel import Place
-from sksurrogate.gap.unnamed._formula_fit import fitted_laws
 from sksurrogate.gap.unnamed._law_left import LawLeft
-from sksurrogate.gap.unnamed._likely_place import distinct, likely_place, place_of_law, places_of_gap
+from sksurrogate.gap.unnamed._likely_place import likely_place, place_of_law, places_of_gap
 from sksurrogate.gap.unnamed._ode_channels import OdeChannels
 from sksurrogate.gap.unnamed._smoothed_path import sensor_noise
 from sksurrogate.kernels.record import Record
@@ -184,37 +181,10 @@ class OdeAccess(BaseAccess[OdeCandidate]):
             return place
         return likely_place(places) if places else (None, None)
 
-    def law_beside(
-        self, base: Evidence[OdeCandidate], final: Evidence[OdeCandidate], held: HeldOut
-    ) -> CertifiedLaw | None:
-        search, same = self.search, base.candidate is self.channels.null
-        channels = self.channels if same else OdeChannels(base.candidate)
-        laws = fitted_laws(search, base, channels, self.places_of_law(final, bool(base.effects)))
-        if not laws:
-            return None
-        best = laws[0].found
-        evidence = search.score(best.candidate) - laws[0].price - search.score(base.candidate)
-        return CertifiedLaw(laws[0], held_out_law(search, laws, held), self.fitted_on_more(best), evidence)
-
-    def places_of_law(self, final: Evidence[OdeCandidate], named: bool) -> list[tuple[str, str]]:
-        """Where a law may stand: beside names where the evidence of a law puts it, else the likely place; then the next."""
-        beside = self.beside
-        first = (beside.location, beside.kind) if named and beside is not None else self.likely_place(final)
-        plant = self.search.problem.plant
-        by_kind = {
-            "state": self.search.problem.balances,
-            "input": plant.ports,
-            "output": plant.outputs,
-            "parameter": plant.params,
-        }
-
-        def allowed(name: str | None, kind: str | None) -> bool:
-            return name in by_kind.get(str(kind), ()) and name not in self.excluded
-
-        found = [place for place in self.places or [] if allowed(place.location, place.kind)]
-        others = distinct(sorted(found, key=lambda place: (place.location, place.kind) != first))
-        names = [*([first] if allowed(*first) else []), *((place.location, place.kind) for place in others)]
-        return list(dict.fromkeys((str(name), str(kind)) for name, kind in names))
+    @property
+    def places_by_kind(self) -> dict[str, Collection[str]]:
+        problem, plant = self.search.problem, self.search.problem.plant
+        return {"state": problem.balances, "input": plant.ports, "output": plant.outputs, "parameter": plant.params}
 
     def imitated_by_retuning(self) -> list[tuple[str, str, str | None]]:
         screen = self.search.first_screen

@@ -208,6 +208,11 @@ class BaseCandidate(ABC):
         return sum(len(effect.parameters) for effect in self.effects)
 
     @property
+    def path(self) -> np.ndarray | None:
+        """States along the free run (n_states, n_samples); None where the simulator shows none."""
+        return None
+
+    @property
     def n_fitted(self) -> int:
         """All that was fitted: parameters, and initial states that are not known."""
         return len(self.fit.theta) + self.n_starts

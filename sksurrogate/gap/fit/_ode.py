@@ -121,6 +121,10 @@ class OdeCandidate(BaseCandidate):
         return list(start_bases(J_x, starts, J_x.shape[-1]))
 
     @property
+    def path(self) -> np.ndarray:
+        return self.fit.x
+
+    @property
     def n_starts(self) -> int:
         return int(np.sum(self.model.free_states)) * len(self.problem.record.starts)
 

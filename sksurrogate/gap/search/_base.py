@@ -87,6 +87,14 @@ class BaseSearch(ABC, Generic[C]):
         """The whole search; returns what stands, the null where nothing passes."""
 
     @abstractmethod
+    def with_law(self, base: C, law: BaseEffect, values: np.ndarray, path: np.ndarray | None) -> C | None:
+        """A law with its parameters on top of a base, fitted in the free run from a path; None where it runs away."""
+
+    def carries(self, law: BaseEffect) -> bool:
+        """Whether the simulator can have this law."""
+        return True
+
+    @abstractmethod
     def in_place_of(self, final: Evidence[C], i: int) -> list[C]:
         """Candidates with another effect in the place of effect i, fitted as what stands is, and that itself again."""
 

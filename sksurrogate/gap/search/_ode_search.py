@@ -20,7 +20,14 @@ from sksurrogate.gap.screen._shortlist import MOST_LISTED
 from sksurrogate.gap.screen._twins import twins
 from sksurrogate.gap.search._base import EQUAL, Wanted
 from sksurrogate.gap.search._expander import SEARCH_SHARPNESS, SEARCH_SUBSTEPS, Expander
-from sksurrogate.gap.search._fit_from_starts import best_starts, cheapest, mean_start, numerics_matter, open_null
+from sksurrogate.gap.search._fit_from_starts import (
+    best_starts,
+    cheapest,
+    fit_last,
+    mean_start,
+    numerics_matter,
+    open_null,
+)
 from sksurrogate.gap.search._kink_width import rounded
 from sksurrogate.gap.search._nested import richer
 from sksurrogate.gap.search._onsets import look_for_onsets, twins_with_onset
@@ -199,6 +206,14 @@ class OdeSearch(Expander):
         look_for_onsets(self)
 
     # ---- what could stand in the place of a name --------------------------------------------------------------------
+    def with_law(
+        self, base: OdeCandidate, law: BaseEffect, values: np.ndarray, path: np.ndarray | None
+    ) -> OdeCandidate | None:
+        assert path is not None
+        theta, problem = base.theta_with(values), self.searching(base)
+        states = path[: base.model.n_nominal]  # hidden states of effects and laws settle along it
+        return fit_last(problem, (*base.effects, law), theta, states, base.fit, np.inf)
+
     def in_place_of(self, final: Evidence[OdeCandidate], i: int) -> list[OdeCandidate]:
         named, single = final.candidate, len(final.effects) == 1
         base = self.fitted_null.candidate if single else self.without(named, i) or named.taken_out(i)

@@ -110,6 +110,18 @@ class TrajectorySearch(SetSearch[TrajectoryCandidate]):
         known = np.delete(candidate.fit.J, candidate.slice_of(i), axis=1)
         return self.problem.fit(effects, theta, known.transpose(1, 0, 2))
 
+    def with_law(
+        self, base: TrajectoryCandidate, law: BaseEffect, values: np.ndarray, path: np.ndarray | None
+    ) -> TrajectoryCandidate | None:
+        n, known = base.n_parameters, base.fit.J.transpose(1, 0, 2)
+        own = np.full((len(values), *base.fit.y.shape), np.nan)  # slopes that are not known yet
+        J = np.concatenate([known[:n], own, known[n:]])
+        return self.problem.fit((*base.effects, law), base.theta_with(values), J)
+
+    def carries(self, law: BaseEffect) -> bool:
+        """At an input or a sensor, of signals there."""
+        return law.access == "trajectory"
+
     def in_place_of(self, final: Evidence[TrajectoryCandidate], i: int) -> list[TrajectoryCandidate]:
         if len(final.effects) == 1:
             return self.first_round

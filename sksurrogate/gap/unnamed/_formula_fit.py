@@ -9,15 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from sksurrogate.effects._law import AnyLaw
-from sksurrogate.gap.fit._evidence import OUT_OF_REACH, Evidence
-from sksurrogate.gap.fit._ode import OdeCandidate
+from sksurrogate.gap.fit._evidence import OUT_OF_REACH, C, Evidence
 from sksurrogate.gap.results._next_experiment import NATS_THAT_SETTLE
-from sksurrogate.gap.search._fit_from_starts import fit_last
-from sksurrogate.gap.search._ode_search import OdeSearch
+from sksurrogate.gap.search._set_search import SetSearch
 from sksurrogate.gap.unnamed._channels import Channels
 from sksurrogate.gap.unnamed._drivers import Drivers
 from sksurrogate.gap.unnamed._formula_regression import Draft
@@ -32,7 +31,7 @@ MOST_PLACES, FITTED_HERE, FITTED_ELSEWHERE = 3, 4, 2
 class FittedLaw:
     """A law fitted in the free run."""
 
-    found: Evidence[OdeCandidate]  #: The base with the law as its last effect
+    found: Evidence[Any]  #: The base with the law as its last effect
     drivers: Drivers  #: Signals that it was chosen from
     price: float  #: Of its structure, in nats
     curve: bool  #: Whether it is a free curve
@@ -57,7 +56,7 @@ class FittedLaw:
 
 
 def fitted_laws(
-    search: OdeSearch, base: Evidence[OdeCandidate], channels: Channels, places: Sequence[tuple[str, str]]
+    search: SetSearch[C], base: Evidence[C], channels: Channels[C], places: Sequence[tuple[str, str]]
 ) -> list[FittedLaw]:
     """Laws on top of a base at some places, the best first.
 
@@ -72,7 +71,13 @@ def fitted_laws(
         if channel is None:
             continue
         drivers = channels.drivers(channel)
-        drafts = channels.drafts(location, kind)
+        drafts = [
+            one
+            for one in channels.drafts(location, kind)
+            if search.carries(drivers.effect(one.terms, one.values, True))
+        ]
+        if not drafts:
+            continue
         best = max([best, *(draft.level for draft in drafts)])
         near = [draft for draft in drafts if draft.level > best - OUT_OF_REACH]
         chosen = near[:FITTED_ELSEWHERE] if rank else [*near[:FITTED_HERE], *simplest(drafts)[:FITTED_HERE]]
@@ -90,7 +95,7 @@ def fitted_laws(
     return [replace(first, found=search.judged[polished]), *laws[1:]]
 
 
-def pruned(search: OdeSearch, base: Evidence[OdeCandidate], law: FittedLaw) -> FittedLaw:
+def pruned(search: SetSearch[C], base: Evidence[C], law: FittedLaw) -> FittedLaw:
     """A formula without the terms that the free run does not need."""
     effect, values = law.effect, law.found.candidate.theta_of(len(law.found.effects) - 1)
     if law.curve or len(effect.terms) == 1:
@@ -102,14 +107,14 @@ def pruned(search: OdeSearch, base: Evidence[OdeCandidate], law: FittedLaw) -> F
         late = float(values[-1]) if any(f[1].startswith("lag(") for t in terms for f in t.factors) else None
         price = price_of(terms, len(law.drivers.moving))
         draft = Draft(terms, np.array([float(c) for c, _ in filled]), late, price=price)
-        fitted = fitted_draft(search, base, law.found.candidate.fit.x, draft, law.drivers)
+        fitted = fitted_draft(search, base, law.found.candidate.path, draft, law.drivers)
         if fitted is not None:
             fewer.append(replace(law, found=Evidence(fitted, base.noise, -np.inf), price=price))
     best = ranked_laws(search, base, [law, *fewer])[0]
     return law if best.found.candidate is law.found.candidate else pruned(search, base, best)
 
 
-def ranked_laws(search: OdeSearch, base: Evidence[OdeCandidate], fits: list[FittedLaw]) -> list[FittedLaw]:
+def ranked_laws(search: SetSearch[C], base: Evidence[C], fits: list[FittedLaw]) -> list[FittedLaw]:
     """Best first, under their own noise; of those that are as good the one with the fewest parameters, at the place that came first.
 
     An input and the balance that it alone pushes are one place to the data: rounding must not choose between them.
@@ -130,16 +135,12 @@ def ranked_laws(search: OdeSearch, base: Evidence[OdeCandidate], fits: list[Fitt
 
 
 def fitted_draft(
-    search: OdeSearch, base: Evidence[OdeCandidate], x: np.ndarray | None, draft: Draft, drivers: Drivers
-) -> OdeCandidate | None:
+    search: SetSearch[C], base: Evidence[C], x: np.ndarray | None, draft: Draft, drivers: Drivers
+) -> C | None:
     """A formula as an effect on top of the base, fitted in the free run from a path x."""
-    candidate = base.candidate
     effect = drivers.effect(draft.terms, draft.values, True)
-    problem, theta = search.searching(candidate), candidate.theta_with(draft.values)
-    assert x is not None
-    x = x[: candidate.model.n_nominal]  # hidden states of effects and laws settle along it
     try:
         with np.errstate(all="ignore"):
-            return fit_last(problem, (*candidate.effects, effect), theta, x, candidate.fit, np.inf)
+            return search.with_law(base.candidate, effect, draft.values, x)
     except (np.linalg.LinAlgError, FloatingPointError):  # a law that breaks the arithmetic is out
         return None
