@@ -73,12 +73,15 @@ def test_trajectories_alone_show_it_too():
     assert [(e.name, e.before) for e in report.effects] == [("rate_limit", 0.0)]
 
 
-@pytest.mark.parametrize("runs", [1, 2])
-def test_of_one_run_or_two_the_rest_tells_what_the_actuator_did_in_what_is_left_out(runs):
-    """Few runs are cut into blocks that are left out: what the actuator remembers at their start came before them."""
+@pytest.mark.parametrize(("runs", "before"), [(1, None), (2, 0.0)])
+def test_of_one_run_or_two_the_rest_tells_what_the_actuator_did_in_what_is_left_out(runs, before):
+    """Few runs are cut into blocks that are left out: what the actuator remembers at their start came before them.
+
+    One run does not tell where the actuator was before it (0.2 nats; two runs: 90): then it was at the first value.
+    """
     X, y, groups = recorded(ramping, per_run=3)
     few = groups < runs
     report = GapDiagnoser(SPRING, random_state=0, n_jobs=1).fit(X[few], y[few], groups=groups[few]).report_
     assert report.verdict == "explained"
-    assert [(e.name, e.before) for e in report.effects] == [("rate_limit", 0.0)]
+    assert [(e.name, e.before) for e in report.effects] == [("rate_limit", before)]
     assert report.shrink.after < 1.2 * report.shrink.floor < 0.3 * report.shrink.before

@@ -100,7 +100,7 @@ class RecordBook:
             hum = tone_left(near, self.raw.run_of_row[rows])
             return self if hum is None else self.with_fault(hum, np.inf)
 
-        def with_law() -> Alternative:
+        def with_effect() -> Alternative:
             law, score = law_left(final), search.score(final.candidate)
             return (
                 Alternative(score, final.left)
@@ -108,7 +108,7 @@ class RecordBook:
                 else Alternative(score + 0.5 * max(law.gain, 0.0), law.left)
             )
 
-        fault = fault_left(_bases(search, final), self.raw.run_of_row[rows], search, with_law)
+        fault = fault_left(_bases(search, final), self.raw.run_of_row[rows], search, with_effect)
         if fault is None:
             return self
         stays = isinstance(fault, NoisyInput) and fault.slow is not None

@@ -208,6 +208,11 @@ class BaseCandidate(ABC):
         return sum(len(effect.parameters) for effect in self.effects)
 
     @property
+    def n_chosen(self) -> int:
+        """Numbers that effects hold beside their parameters: the value of an input before a run, where it is not its first."""
+        return sum(getattr(effect, "before", None) is not None for effect in self.effects)
+
+    @property
     def path(self) -> np.ndarray | None:
         """States along the free run (n_states, n_samples); None where the simulator shows none."""
         return None

@@ -87,8 +87,8 @@ class BaseSearch(ABC, Generic[C]):
         """The whole search; returns what stands, the null where nothing passes."""
 
     @abstractmethod
-    def with_law(self, base: C, law: BaseEffect, values: np.ndarray, path: np.ndarray | None) -> C | None:
-        """A law with its parameters on top of a base, fitted in the free run from a path; None where it runs away."""
+    def with_effect(self, base: C, effect: BaseEffect, values: np.ndarray, path: np.ndarray | None) -> C | None:
+        """A base with one effect more, fitted in the free run from its parameters and a path; None where it runs away."""
 
     def carries(self, law: BaseEffect) -> bool:
         """Whether the simulator can have this law."""
@@ -211,8 +211,8 @@ class BaseSearch(ABC, Generic[C]):
     def remember(self, candidates: Sequence[C]) -> None:
         """Keep the best fit of every set of effects."""
         for candidate in candidates:
-            known = self.fitted.get(frozenset(candidate.keys))
-            if known is None or candidate.fit.cost < known.fit.cost:
+            known, price = self.fitted.get(frozenset(candidate.keys)), float(np.log(self.n_values))
+            if known is None or candidate.fit.cost < known.fit.cost + price * (known.n_chosen - candidate.n_chosen):
                 self.fitted[frozenset(candidate.keys)] = candidate
 
     # ---- comparisons ------------------------------------------------------------------------------------------------
@@ -237,15 +237,18 @@ class BaseSearch(ABC, Generic[C]):
 
     def score(self, candidate: C) -> float:
         """Evidence less ``k/2 ln N``: a form with more parameters must earn them."""
-        return self.evidence(candidate) - 0.5 * candidate.n_parameters * np.log(self.n_values)
+        return self.evidence(candidate) - self.price_of(candidate)
+
+    def price_of(self, candidate: C) -> float:
+        """``k/2 ln N`` of the numbers that its effects hold."""
+        return 0.5 * (candidate.n_parameters + candidate.n_chosen) * float(np.log(self.n_values))
 
     def size_score(self, candidate: C) -> float:
         """Evidence by size, less ``k/2 ln N``.
 
         Far from the data no noise model holds, and the force that it allows would hide which candidate comes nearer.
         """
-        price = 0.5 * candidate.n_parameters * np.log(self.n_values)
-        return -gain_by_size(self.n_values, candidate.fit.cost) - price
+        return -gain_by_size(self.n_values, candidate.fit.cost) - self.price_of(candidate)
 
     def order(self, candidates: Sequence[C]) -> Callable[[C], float]:
         """By size where all are far from the data, by likelihood where one comes near."""

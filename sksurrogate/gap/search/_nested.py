@@ -18,6 +18,13 @@ def simpler(effect: BaseEffect, name: str, library: Sequence[BaseEffect]) -> lis
     return [e for e in same if e.variable in (effect.variable, None)]
 
 
+def from_the_first_value(effect: BaseEffect, library: Sequence[BaseEffect]) -> list[BaseEffect]:
+    """The same actuator, of an input that was at its first value before a run; none where this is the one."""
+    if getattr(effect, "before", None) is None:
+        return []
+    return [e for e in library if e.key == effect.key and getattr(e, "before", None) is None]
+
+
 def richer(effect: BaseEffect, simple: BaseEffect) -> bool:
     """Whether an effect is a richer form of a simple one: at its place, in its variable."""
     same = effect.location == simple.location and simple.variable in (effect.variable, None)

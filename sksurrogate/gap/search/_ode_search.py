@@ -206,7 +206,7 @@ class OdeSearch(Expander):
         look_for_onsets(self)
 
     # ---- what could stand in the place of a name --------------------------------------------------------------------
-    def with_law(
+    def with_effect(
         self, base: OdeCandidate, law: BaseEffect, values: np.ndarray, path: np.ndarray | None
     ) -> OdeCandidate | None:
         assert path is not None

@@ -7,7 +7,7 @@ from typing import Any
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.gap.fit._evidence import C, arrived
 from sksurrogate.gap.search._base import EQUAL, BaseSearch, Wanted
-from sksurrogate.gap.search._nested import richer, simpler
+from sksurrogate.gap.search._nested import from_the_first_value, richer, simpler
 from sksurrogate.gap.search._set_moves import SetMoves
 
 #: A simpler form is named where the richer one removes hardly more than this share of the gap's power.
@@ -23,6 +23,7 @@ def simplify(search: SetMoves[C], candidate: C, far: bool = False) -> C:
     """
     if search.is_far(candidate) and not far:
         return candidate
+    candidate = from_first_values(search, candidate)
     for i, effect in enumerate(candidate.effects):
         shapes = effect.simpler(tuple(candidate.theta_of(i)))
         for name in (*effect.nests, *shapes):
@@ -37,6 +38,20 @@ def simplify(search: SetMoves[C], candidate: C, far: bool = False) -> C:
                 if as_good(search, fitted, candidate):
                     search.richer.setdefault(fitted.effects[-1].key, []).append(effect.key)
                     return simplify(search, fitted, far)
+    return candidate
+
+
+def from_first_values(search: SetMoves[C], candidate: C) -> C:
+    """A set whose actuators begin at the first value of their input, where the data do not tell that they were elsewhere before a run."""
+    for i, effect in enumerate(candidate.effects):
+        plain = from_the_first_value(effect, search.library)
+        base = search.without(candidate, i) if plain else None
+        if base is None:
+            continue
+        other = search.with_effect(base, plain[0], candidate.theta_of(i), candidate.path)
+        for one in search.ranked([other], base) if other is not None else ():
+            fitted = search.polish(one)
+            candidate = fitted if search.score(fitted) > search.score(candidate) else candidate
     return candidate
 
 

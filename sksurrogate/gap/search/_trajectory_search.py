@@ -110,7 +110,7 @@ class TrajectorySearch(SetSearch[TrajectoryCandidate]):
         known = np.delete(candidate.fit.J, candidate.slice_of(i), axis=1)
         return self.problem.fit(effects, theta, known.transpose(1, 0, 2))
 
-    def with_law(
+    def with_effect(
         self, base: TrajectoryCandidate, law: BaseEffect, values: np.ndarray, path: np.ndarray | None
     ) -> TrajectoryCandidate | None:
         n, known = base.n_parameters, base.fit.J.transpose(1, 0, 2)

@@ -141,6 +141,6 @@ def fitted_draft(
     effect = drivers.effect(draft.terms, draft.values, True)
     try:
         with np.errstate(all="ignore"):
-            return search.with_law(base.candidate, effect, draft.values, x)
+            return search.with_effect(base.candidate, effect, draft.values, x)
     except (np.linalg.LinAlgError, FloatingPointError):  # a law that breaks the arithmetic is out
         return None
