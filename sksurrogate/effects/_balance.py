@@ -280,10 +280,11 @@ class PowerLaw(BalanceEffect):
         return (*plant.states, *used, *(f"{w}*{location}" for w in apart))
 
     def plausible(self, theta: Sequence[float], probe: Probe) -> bool:
-        """No jump at zero: that is a dry friction, which has a width on a real plant."""
+        """No jump at zero: that is a dry friction, which has a width on a real plant. An exponent at its bound: a stop that begins."""
         assert probe.v is not None
         v = probe.factors[0] if len(probe.factors) == 2 else probe.v
-        return bool(theta[1] > LEAST_ODD_EXPONENT or np.min(v) >= 0.0 or np.max(v) <= 0.0)
+        jumps = theta[1] <= LEAST_ODD_EXPONENT and np.min(v) < 0.0 < np.max(v)
+        return not jumps and bool(theta[1] < 0.999 * self.parameters[1].high)
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
         """Exponents below and above one; none where v never is positive: there the loss would be a gain."""

@@ -158,7 +158,8 @@ class DiagnosisState(Generic[C]):
         return DecisionFeatures(
             names=len(final.effects),
             probability=min(found.parts.probabilities, default=1.0),
-            sized=found.values is None or is_sized(final.effects, found.values.low, found.values.high),
+            sized=self.search.plausible(final.candidate)
+            and (found.values is None or is_sized(final.effects, found.values.low, found.values.high)),
             retuned=found.retuned,
             share_left=share_left(shrink),
             left=access.over_noise(final, found.retuned),

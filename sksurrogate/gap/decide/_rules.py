@@ -24,7 +24,8 @@ class DecisionFeatures:
 
     names: int = 0  #: Effects that passed their certificate
     probability: float = 1.0  #: That of the least probable of them, whatever else acts; 1 where nothing is named
-    sized: bool = True  #: Whether the interval of each one's magnitude leaves out the value at which it does nothing
+    #: Whether the interval of each one's magnitude leaves out the value at which it does nothing, and each shows its form
+    sized: bool = True
     retuned: bool = False  #: Whether the free parameters moved by more than chance
     #: Share of the gap that is left, in amplitude, on runs left out; of the outputs' deviation where the gap is larger
     share_left: float = 1.0
@@ -106,8 +107,8 @@ RULES: tuple[Rule, ...] = (
         "uncertain_names",
         lambda f: f.names > 0 and not certain(f),
         "unknown",
-        "An effect closes part of the gap, but another effect or a law without a name explains it as well, or the interval "
-        "of its magnitude includes the value at which it does nothing.",
+        "An effect closes part of the gap, but another effect or a law without a name explains it as well, the interval "
+        "of its magnitude includes the value at which it does nothing, or it does not show its form (an exponent at its bound).",
     ),
     Rule(
         "at_a_bound",
