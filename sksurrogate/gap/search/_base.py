@@ -90,6 +90,10 @@ class BaseSearch(ABC, Generic[C]):
     def with_effect(self, base: C, effect: BaseEffect, values: np.ndarray, path: np.ndarray | None) -> C | None:
         """A base with one effect more, fitted in the free run from its parameters and a path; None where it runs away."""
 
+    def plausible(self, candidate: C) -> bool:
+        """Whether the path of a candidate shows what makes each of its effects what it is."""
+        return True
+
     def carries(self, law: BaseEffect) -> bool:
         """Whether the simulator can have this law."""
         return True

@@ -64,10 +64,6 @@ class SetMoves(BaseSearch[C]):
         """Effects of one form, added to a base."""
         return self.expand(base, Wanted(2, 0, effects, best=best))
 
-    def plausible(self, candidate: C) -> bool:
-        """Whether the path of a candidate shows what makes each of its effects what it is."""
-        return True
-
     def diverged(self, candidate: C) -> bool:
         """Whether a fit has left the data."""
         return not candidate.fit.cost < DIVERGED_COST * self.fitted_null.fit.cost
