@@ -290,7 +290,8 @@ class BoundModel:
         """What enters at the ports: the inputs ``u``, with the laws that act there."""
         if not self._at_ports:
             return u
-        a, varied = self.a, self.params_at(t, x, u)
+        a, loaded = self.a, any(self.a.effects[i].of_load for i in self._at_ports)  # type: ignore[attr-defined]
+        varied = self.params_at(t, x, u) if loaded else None
         given = [(i, t, x, u, self._parameters[i], self._widths[i], varied) for i in self._at_ports]
         return entering(a.plant, u, [(a.wires[one[0]].port, a.force_of(*one)) for one in given], x.shape[1:])
 
