@@ -49,9 +49,8 @@ def test_the_gain_of_a_name_counts_by_the_values_that_are_left_free():
     library = [CATALOGUE[name]("speed", "speed") for name in ("linear_loss", "quadratic_drag", "power_law")]
     search = OdeSearch(problem, library, smoothed.x)
     search.run()
-    null = search.judged[search.fitted_null.candidate].log_likelihood
     for candidate in search.first_round:
         free = 1.0 - (2 + candidate.n_parameters) / N  # two initial states
-        whole = 2.0 * (search.judged[candidate].log_likelihood - null)
+        whole = 2.0 * (search.evidence(candidate) - search.evidence(search.fitted_null.candidate))
         assert search.gain(candidate) == pytest.approx(free * whole, rel=1e-9)
         assert whole > 1.0

@@ -215,8 +215,8 @@ class BaseSearch(ABC, Generic[C]):
     def remember(self, candidates: Sequence[C]) -> None:
         """Keep the best fit of every set of effects."""
         for candidate in candidates:
-            known, price = self.fitted.get(frozenset(candidate.keys)), float(np.log(self.n_values))
-            if known is None or candidate.fit.cost < known.fit.cost + price * (known.n_chosen - candidate.n_chosen):
+            known = self.fitted.get(frozenset(candidate.keys))
+            if known is None or candidate.fit.cost < known.fit.cost:
                 self.fitted[frozenset(candidate.keys)] = candidate
 
     # ---- comparisons ------------------------------------------------------------------------------------------------
@@ -226,18 +226,13 @@ class BaseSearch(ABC, Generic[C]):
 
     def evidence(self, candidate: C) -> float:
         """Log likelihood, with what it costs to move the free parameters: a far re-tuning must not imitate an effect."""
-        known, null = self.judged.get(candidate), self.judged.get(self.fitted_null.candidate)
-        if known is None:
-            return -np.inf
-        own, base = (
-            known.log_likelihood - 0.5 * self.prior_cost(candidate),
-            0.0 if null is None else null.log_likelihood,
-        )
-        return base + known_from_itself(own - base, candidate.n_fitted, self.n_values)
+        known = self.judged.get(candidate)
+        return -np.inf if known is None else known.log_likelihood - 0.5 * self.prior_cost(candidate)
 
     def gain(self, candidate: C) -> float:
-        """2 (L_candidate - L_null)."""
-        return 2.0 * (self.evidence(candidate) - self.evidence(self.fitted_null.candidate))
+        """2 (L_candidate - L_null), as far as it counts where the noise level is estimated from the same values."""
+        gain = self.evidence(candidate) - self.evidence(self.fitted_null.candidate)
+        return 2.0 * known_from_itself(gain, candidate.n_fitted, self.n_values)
 
     def score(self, candidate: C) -> float:
         """Evidence less ``k/2 ln N``: a form with more parameters must earn them."""

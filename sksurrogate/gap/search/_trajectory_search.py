@@ -119,8 +119,10 @@ class TrajectorySearch(SetSearch[TrajectoryCandidate]):
         return self.problem.fit((*base.effects, law), base.theta_with(values), J)
 
     def carries(self, law: BaseEffect) -> bool:
-        """At an input or a sensor, of signals there."""
-        return law.access == "trajectory"
+        """At an input a law of inputs, at a sensor one of readings."""
+        plant = self.problem.plant
+        own = {"input": plant.inputs, "output": plant.outputs}.get(law.kind, ())
+        return law.access == "trajectory" and set(law.variable.split("*") if law.variable else ()) <= set(own)
 
     def in_place_of(self, final: Evidence[TrajectoryCandidate], i: int) -> list[TrajectoryCandidate]:
         if len(final.effects) == 1:
