@@ -30,7 +30,7 @@ BUILD = {
     "HybridRegressor": lambda c: c(make_reactor(second=90.0), Ridge(1e-3)),
     "CalibratedSimulator": lambda c: c(make_reactor(), params=["feed"]),
     "GapDiagnoser": lambda c: c(make_reactor(feed=4.4), effects=["sensor_bias", "parameter_error"], random_state=0),
-    "FNNRegressor": lambda c: c((3,), random_state=0, max_epochs=20),
+    "FNNRegressor": lambda c: c((3,), random_state=0, max_epochs=10),
     "Remembered": lambda c: c(RecursivePredictor(Ridge(1e-3), 2, 2)),
     "ConformalFreeRun": lambda c: c(RecursivePredictor(Ridge(1e-3), 2, 2), coverage=0.5),
     "NonlinearBasisRegressor": lambda c: c(n_basis=3, random_state=0),
