@@ -99,7 +99,7 @@ class _DryFriction(BalanceEffect):
     natural_drivers = ("own",)
     implausible = ("position",)
 
-    def jump(self, theta: Sequence[Any]) -> Any:
+    def jump(self, theta: Sequence[Any], load: Any = 0.0) -> Any:
         """``c``."""
         return theta[0]
 
@@ -169,7 +169,7 @@ class StribeckFriction(BalanceEffect):
     def term(self, t: Any, x: np.ndarray, v: Any, theta: Sequence[Any], width: float) -> Any:
         return -stribeck_curve(v, *theta) * sign(v, width)
 
-    def jump(self, theta: Sequence[Any]) -> Any:
+    def jump(self, theta: Sequence[Any], load: Any = 0.0) -> Any:
         """The larger of both levels."""
         return np.maximum(theta[0], theta[1])
 

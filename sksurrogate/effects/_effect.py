@@ -225,8 +225,8 @@ class BalanceEffect(BaseEffect):
             Half width over which kinks such as sign(v) are smoothed, in units of v (of time where there is no v).
         """
 
-    def jump(self, theta: Sequence[Any]) -> Any:
-        """Half the height by which the term jumps where v changes its sign; mostly 0."""
+    def jump(self, theta: Sequence[Any], load: Any = 0.0) -> Any:
+        """Half the height by which the term jumps where v changes its sign, with a ``load`` beside it; mostly 0."""
         return 0.0
 
     def smoothed(self, theta: Sequence[Any], width: float, h: float) -> Any:

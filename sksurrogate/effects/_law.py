@@ -91,17 +91,9 @@ class _Formula(BaseEffect):
             constants = constants[k:]
         return out
 
-    def added(self, signals: dict[str, Any], t: Any, theta: Sequence[Any], width: float = 0.0) -> Any:
-        """``sum of c f(v, w)``, what the law adds at its place; kinks are rounded over ``width`` at least."""
-        out: Any = 0.0
-        for coefficient, term in self.filled(theta):
-            if np.ndim(width) or width > 0:
-                factors = (
-                    (f[0], f[1], f[2], np.maximum(f[3], width), *f[4:]) if f[0] == "sign" else f for f in term.factors
-                )
-                term = Term(tuple(factors))
-            out = out + coefficient * term.value(signals, t)
-        return out
+    def added(self, signals: dict[str, Any], t: Any, theta: Sequence[Any]) -> Any:
+        """``sum of c f(v, w)``, what the law adds at its place."""
+        return sum((coefficient * term.value(signals, t) for coefficient, term in self.filled(theta)), 0.0)
 
     def signals(self, v: Any) -> dict[str, Any]:
         """Values of the variable by name: an array, or one for each signal of "v*w"."""
@@ -177,6 +169,11 @@ class LawEffect(_Formula, BalanceEffect):  # type: ignore[misc]
             wide = ("tanh", f[1], np.maximum(f[OWN_WIDTH[f[0]]], width), 0.0)
             term = Term((*term.factors[:i], wide, *term.factors[i + 1 :]))
         return term
+
+    def jump(self, theta: Sequence[Any], load: Any = 0.0) -> Any:
+        """The coefficients of its turns that nothing multiplies."""
+        own = zip(theta, self.terms)
+        return sum((np.abs(c) for c, term in own if self._turns(term) and len(term.factors) == 1), 0.0)
 
     def smoothed(self, theta: Sequence[Any], width: float, h: float) -> Any:
         """A turn is smoothed as far as steps can follow it; other kinks have widths of their own."""

@@ -28,15 +28,15 @@ class LoadFriction(BalanceEffect):
 
     def term(self, t: Any, x: np.ndarray, v: Any, theta: Sequence[Any], width: Any) -> Any:
         """``width``: of the kinks, or that and the step that has to follow them (:meth:`smoothed`)."""
-        height = self.height(x, theta)
+        height = self.jump(theta, x)
         if not isinstance(width, tuple):
             return -height * sign(v, width)
         width, h = width
         return -height * np.tanh(v / stable(width, height, h))
 
-    def height(self, load: Any, theta: Sequence[Any]) -> Any:
+    def jump(self, theta: Sequence[Any], load: Any = 0.0) -> Any:
         """``c2 + c abs(F)``."""
-        coefficient, level = theta[:2]
+        coefficient, level = theta
         return level + coefficient * np.abs(load)
 
     def smoothed(self, theta: Sequence[Any], width: float, h: float) -> Any:

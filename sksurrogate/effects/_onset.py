@@ -159,9 +159,9 @@ class _StartingLaw(Starting, BalanceEffect):
         """The term within the window; ``width`` is that of its kinks, or a pair of that and of the window's edges."""
         return self.within(t, theta, edges_of(width)) * super().term(t, x, v, self.own(theta), kinks_of(width))  # type: ignore[safe-super]
 
-    def jump(self, theta: Sequence[Any]) -> Any:
+    def jump(self, theta: Sequence[Any], load: Any = 0.0) -> Any:
         """That of the effect."""
-        return super().jump(self.own(theta) if len(theta) == len(self.parameters) else theta)
+        return super().jump(self.own(theta) if len(theta) == len(self.parameters) else theta, load)
 
     def smoothed(self, theta: Sequence[Any], width: float, h: float) -> Any:
         """That of the effect."""

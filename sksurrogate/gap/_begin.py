@@ -126,7 +126,8 @@ def begin_trajectory(task: Task) -> DiagnosisPipeline[TrajectoryCandidate]:
     _check_asked(plant, effects, testable)
     library = _allowed(testable, task)
     search = TrajectorySearch(problem, library, lost=problem.simulations.raised, **_common(task))
-    access = TrajectoryAccess(search, task.seed, only_given=len(testable) < len(wanted))
+    closed = closed_places(task.diagnoser.exclude, task.diagnoser.plausible, plant)
+    access = TrajectoryAccess(search, task.seed, len(testable) < len(wanted), closed)
     return _prepared(task, search, access, np.arange(whole.n_samples), left_out(effects, testable))
 
 

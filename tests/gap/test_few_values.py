@@ -5,7 +5,7 @@ import pytest
 
 from sksurrogate.effects import CATALOGUE
 from sksurrogate.gap.fit._build import build_problem
-from sksurrogate.gap.fit._evidence import known_from_itself
+from sksurrogate.gap.fit._evidence import gain_under_estimated_noise
 from sksurrogate.gap.search._ode_search import OdeSearch
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics import ODESimulator
@@ -26,8 +26,8 @@ def test_least_squares_of_p_numbers_leave_as_many_free_values_less():
     """Two ways to one number: the gain of Student's law with N - p free values, for a small gain."""
     N, p, gain = 30, 6, 1e-3
     ratio = np.exp(-2.0 * gain / N)  # of the squares, under the likeliest noise of each fit
-    assert known_from_itself(gain, p, N) == pytest.approx(-0.5 * (N - p) * np.log(ratio), rel=1e-12)
-    assert known_from_itself(5.0, 40, 30) == 0.0
+    assert gain_under_estimated_noise(gain, p, N) == pytest.approx(-0.5 * (N - p) * np.log(ratio), rel=1e-12)
+    assert gain_under_estimated_noise(5.0, 40, 30) == 0.0
 
 
 def test_all_that_is_fitted_counts():

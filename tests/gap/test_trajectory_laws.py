@@ -50,3 +50,10 @@ def test_where_nothing_is_missing_no_law_is_certified():
     X, y, groups = recorded(plain, plain)
     report = GapDiagnoser(TOOL, random_state=0).fit(X, y, groups=groups).report_
     assert report.verdict == "none" and (report.missing_term is None or report.missing_term.law is None)
+
+
+def test_no_law_is_looked_for_where_a_user_rules_effects_out():
+    X, y, groups = recorded(lambda u: u - np.sin(2 * np.pi * u) / (2 * np.pi), plain)
+    asked = GapDiagnoser(TOOL, effects=["sensor_quantization"], exclude=[(None, "pump")], random_state=0)
+    term = asked.fit(X, y, groups=groups).report_.missing_term
+    assert term is None or term.law is None or term.law.location != "pump"

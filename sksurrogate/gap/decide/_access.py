@@ -29,6 +29,7 @@ class BaseAccess(ABC, Generic[C]):
     """Questions on top of what is named; those that only a right-hand side answers have no answer here.
 
     ``complete``: False after an interrupt: nothing that takes long is asked any more.
+    ``excluded``: places where a user rules effects out: no law is looked for there.
     """
 
     #: Whether what needs no name is asked while names are looked for.
@@ -41,12 +42,11 @@ class BaseAccess(ABC, Generic[C]):
     _channels: Channels[C] | None = None
     scale: np.ndarray | None = None  #: (n_states,): size of the states
     beside: LawLeft | None = None  #: The likeliest law without a name beside what stands, where one was looked for
-    excluded: Collection[str] = ()  #: Places where a user rules effects out: no law is looked for there
     places: list[Place] | None = None  #: Of the gap, the most likely first; None before what is left was looked at
     other_unit: str = ""  #: A sentence where the record fits in another unit of time or of its readings
 
-    def __init__(self, search: SetSearch[C], seed: int):
-        self.search, self.seed, self.complete = search, seed, True
+    def __init__(self, search: SetSearch[C], seed: int, excluded: Collection[str] = ()):
+        self.search, self.seed, self.complete, self.excluded = search, seed, True, frozenset(excluded)
 
     def sensor_noise(self, final: Evidence[C]) -> np.ndarray:
         """Of every output (n_outputs,), as far as a wrong fit cannot make it larger."""

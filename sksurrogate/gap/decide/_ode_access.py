@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -87,7 +87,6 @@ class OdeAccess(BaseAccess[OdeCandidate]):
     """Along the free run, and along the smoothed path.
 
     ``whole``: all of a long record.
-    ``excluded``: places where a user rules effects out: no law is looked for there.
     ``pieces``: notes on runs that were cut.
     ``instead``: the likeliest law in the place of all names, once it was asked for.
     """
@@ -97,10 +96,10 @@ class OdeAccess(BaseAccess[OdeCandidate]):
     separations = staticmethod(of_ode)
 
     def __init__(
-        self, search: OdeSearch, seed: int, whole: Record, excluded: Iterable[str] = (), pieces: Sequence[str] = ()
+        self, search: OdeSearch, seed: int, whole: Record, excluded: Collection[str] = (), pieces: Sequence[str] = ()
     ):
-        super().__init__(search, seed)
-        self.whole, self.excluded, self.pieces = whole, frozenset(excluded), tuple(pieces)
+        super().__init__(search, seed, excluded)
+        self.whole, self.pieces = whole, tuple(pieces)
         self.scale = search.problem.scale
         self.places_asked: PendingAnswer[list[Place]] | None = None
         self.instead: LawLeft | None = None

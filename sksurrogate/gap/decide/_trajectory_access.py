@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Collection
 from typing import Any
 
 import numpy as np
@@ -43,8 +44,8 @@ class TrajectoryAccess(BaseAccess[TrajectoryCandidate]):
     search: TrajectorySearch
     separations = staticmethod(of_trajectories)
 
-    def __init__(self, search: TrajectorySearch, seed: int, only_given: bool):
-        super().__init__(search, seed)
+    def __init__(self, search: TrajectorySearch, seed: int, only_given: bool, excluded: Collection[str] = ()):
+        super().__init__(search, seed, excluded)
         self.only_given = only_given
 
     def correction(self, correction: Any) -> Correction | None:

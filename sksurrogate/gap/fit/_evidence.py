@@ -71,12 +71,12 @@ def evidence_threshold(n_parameters: int, n_candidates: int, n_values: int) -> f
     return n_parameters * np.log(n_values) + 2.0 * np.log(max(n_candidates, 1))
 
 
-def known_from_itself(gain: float, n_fitted: int, n_values: int) -> float:
+def gain_under_estimated_noise(gain: float, n_fitted: int, n_values: int) -> float:
     """What counts of a gain in log likelihood whose noise level is estimated from the same values: ``(N - p)/N`` of it, p being fitted.
 
     Under its likeliest noise a fit of p numbers leaves ``N - p`` free values, as in Student's law; of long records all counts.
 
-    >>> known_from_itself(10.0, 5, 20), round(known_from_itself(10.0, 5, 5000), 2)
+    >>> gain_under_estimated_noise(10.0, 5, 20), round(gain_under_estimated_noise(10.0, 5, 5000), 2)
     (7.5, 9.99)
     """
     return gain * max(1.0 - n_fitted / n_values, 0.0)

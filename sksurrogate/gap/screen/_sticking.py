@@ -8,8 +8,6 @@ from typing import Any
 import numpy as np
 
 from sksurrogate.effects._effect import BalanceEffect, BaseEffect
-from sksurrogate.effects._load_friction import LoadFriction
-from sksurrogate.effects._onset import kinks_of
 from sksurrogate.effects._smooth import stable
 from sksurrogate.effects._wires import Wire, kink_width
 from sksurrogate.gap.fit._ode import OdeBackend
@@ -23,10 +21,10 @@ def sticks(effect: BaseEffect, theta: np.ndarray, wire: Wire, h: float, load: An
     if not isinstance(effect, BalanceEffect) or wire.width is None:
         return np.zeros(theta.shape[1:], bool)
     width = kink_width(effect, wire, list(theta), h)
-    if isinstance(effect, LoadFriction):
+    if isinstance(width, tuple):  # it follows what enters, or other signals
         size = float(np.sqrt(np.mean(np.square(load))))
-        width = stable(wire.width, effect.height(size, list(theta)), h * wire.feedback)
-    return np.broadcast_to(kinks_of(width) > wire.width, theta.shape[1:])
+        width = stable(wire.width, effect.jump(list(theta), size), h * wire.feedback)
+    return np.broadcast_to(width > wire.width, theta.shape[1:])
 
 
 def sticks_in(problem: OdeBackend, effects: Sequence[BaseEffect], values: Sequence[np.ndarray]) -> bool:

@@ -21,8 +21,8 @@ from sksurrogate.gap.fit._evidence import (
     estimate_noise,
     evidence_threshold,
     gain_by_size,
+    gain_under_estimated_noise,
     judged_under,
-    known_from_itself,
 )
 from sksurrogate.gap.fit._prior import retuning_cost
 from sksurrogate.gap.results._next_experiment import NATS_THAT_SETTLE
@@ -232,13 +232,13 @@ class BaseSearch(ABC, Generic[C]):
     def gain(self, candidate: C) -> float:
         """2 (L_candidate - L_null), as far as it counts where the noise level is estimated from the same values."""
         gain = self.evidence(candidate) - self.evidence(self.fitted_null.candidate)
-        return 2.0 * known_from_itself(gain, candidate.n_fitted, self.n_values)
+        return 2.0 * gain_under_estimated_noise(gain, candidate.n_fitted, self.n_values)
 
     def score(self, candidate: C) -> float:
         """Evidence less ``k/2 ln N``: a form with more parameters must earn them."""
-        return self.evidence(candidate) - self.price_of(candidate)
+        return self.evidence(candidate) - self.price(candidate)
 
-    def price_of(self, candidate: C) -> float:
+    def price(self, candidate: C) -> float:
         """``k/2 ln N`` of the numbers that its effects hold."""
         return 0.5 * (candidate.n_parameters + candidate.n_chosen) * float(np.log(self.n_values))
 
@@ -247,7 +247,7 @@ class BaseSearch(ABC, Generic[C]):
 
         Far from the data no noise model holds, and the force that it allows would hide which candidate comes nearer.
         """
-        return -gain_by_size(self.n_values, candidate.fit.cost) - self.price_of(candidate)
+        return -gain_by_size(self.n_values, candidate.fit.cost) - self.price(candidate)
 
     def order(self, candidates: Sequence[C]) -> Callable[[C], float]:
         """By size where all are far from the data, by likelihood where one comes near."""

@@ -51,7 +51,8 @@ def from_first_values(search: SetMoves[C], candidate: C) -> C:
         other = search.with_effect(base, plain[0], candidate.theta_of(i), candidate.path)
         for one in search.ranked([other], base) if other is not None else ():
             fitted = search.polish(one)
-            candidate = fitted if search.score(fitted) > search.score(candidate) else candidate
+            if search.score(fitted) > search.score(candidate):
+                return from_first_values(search, fitted)
     return candidate
 
 
