@@ -34,7 +34,7 @@ FLOORS = (
     {"compose", "_expected_checks"},
     {"gap"},
     {"blind", "testing"},
-    {"demo"},
+    {"demo", "_command_data"},
     {"cli"},
 )
 FLOOR = {name: floor for floor, names in enumerate(FLOORS) for name in names}
@@ -53,6 +53,10 @@ OPTIONAL = {
     "onnx",
     "sympy",
     "dask",
+    "mcap",
+    "mcap_ros1",
+    "mcap_ros2",
+    "pyarrow",
 }
 
 
