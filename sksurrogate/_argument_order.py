@@ -5,10 +5,21 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 #: Options that take all values behind them; those that take none.
-MANY = ("--free", "--exclude", "--plausible", "--effects", "--bounds", "--prior", "--columns", "--json")
+MANY = (
+    "--free",
+    "--exclude",
+    "--plausible",
+    "--effects",
+    "--bounds",
+    "--prior",
+    "--columns",
+    "--json",
+    "--readings",
+    "--commands",
+)
 FLAGS = ("--quiet", "-h", "--help")
 #: How names of data files end.
-DATA = (".csv", ".tsv", ".txt", ".dat")
+DATA = (".csv", ".tsv", ".txt", ".dat", ".npz", ".mcap")
 
 
 def positionals_first(argv: Sequence[str]) -> list[str]:

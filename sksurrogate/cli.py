@@ -19,10 +19,10 @@ import numpy as np
 
 from sksurrogate import __version__
 from sksurrogate._argument_order import positionals_first
+from sksurrogate._command_data import add_data, is_log, recording
 from sksurrogate._command_options import add_knowledge, knowledge_of
-from sksurrogate._csv import read_csv, read_header
+from sksurrogate._csv import read_csv
 from sksurrogate._failures import failure_of
-from sksurrogate._headers import assigned, columns_of, split_unit
 from sksurrogate._printed import printed_as_errors
 from sksurrogate._swapped import swapped_columns
 from sksurrogate._terminal import patient_terminal
@@ -68,22 +68,13 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(required=True, metavar="command")
     diagnose = commands.add_parser("diagnose", help="diagnose a simulator against a recording")
     diagnose.add_argument("simulator", help="file.py:name of a simulator object")
-    diagnose.add_argument("data", help="CSV with a header: the simulator's inputs and outputs by name")
-    diagnose.add_argument("--run", metavar="COL", help="column that names the run of each row")
-    diagnose.add_argument("--time", metavar="COL", help="column that holds the time")
+    add_data(diagnose)
     diagnose.add_argument(
         "--free", metavar="NAME", nargs="+", default=[], help="parameters to re-tune; all for every one"
     )
     add_knowledge(diagnose)
     diagnose.add_argument(
         "--effects", metavar="NAME", nargs="+", default=None, help="compare these effects only; default: the catalogue"
-    )
-    diagnose.add_argument(
-        "--columns",
-        metavar="SIGNAL=COLUMN",
-        nargs="+",
-        default=[],
-        help="columns whose names are not those of the signals",
     )
     diagnose.add_argument("--seed", type=int, default=0, help="of the bootstrap (default 0)")
     diagnose.add_argument("--title", default="", help="title of the report")
@@ -264,7 +255,7 @@ def _diagnose(arguments: argparse.Namespace) -> int:
     _check_targets({"--html": arguments.html, "--save": arguments.save, "--json": report}, read)
     simulator = load_simulator(arguments.simulator)
     plant = describe(simulator)
-    X, y, clock, labels, units = _recording(arguments, plant, units_of(simulator))
+    X, y, clock, labels, units = recording(arguments, plant, units_of(simulator))
     if units and hasattr(simulator, "get_params") and "units" in simulator.get_params(deep=False):
         simulator = clone(simulator).set_params(units={**units, **units_of(simulator)})
     timed = X if clock is None else np.column_stack([X, clock])
@@ -287,8 +278,9 @@ def _diagnose(arguments: argparse.Namespace) -> int:
                 _say_swapped(simulator, X, y, labels, plant)
                 diagnoser.fit(timed, y, groups=labels)
     except DataError as error:
-        said = str(error).replace(f"time={X.shape[1]}", f"--time {arguments.time}") if clock is not None else str(error)
-        if "row" not in said:
+        time = f"--time {arguments.time}" if arguments.time else "time"
+        said = str(error).replace(f"time={X.shape[1]}", time) if clock is not None else str(error)
+        if "row" not in said or is_log(arguments.data):
             raise type(error)(said) from None
         raise type(error)(f"{said} Row 0 is the first line below the header of {arguments.data}.") from None
     except Exception as error:
@@ -333,37 +325,6 @@ def _with_command(report: Any, arguments: argparse.Namespace) -> Any:
         command=shlex.join(["sksurrogate", *arguments.words]),
     )
     return replace(report, provenance=origin)
-
-
-def _recording(
-    arguments: argparse.Namespace, plant: Any, known: Mapping[str, str]
-) -> tuple[np.ndarray, np.ndarray, np.ndarray | None, np.ndarray | None, dict[str, str]]:
-    """Inputs, outputs, time, runs, and the units that the header names."""
-    signals = list(dict.fromkeys([*plant.inputs, *plant.outputs]))
-    header = read_header(arguments.data)
-    given = assigned(arguments.columns, signals)
-    column = columns_of(signals, header, given)
-    marks = columns_of([name for name in (arguments.run, arguments.time) if name], header, {})
-    run, time = marks.get(arguments.run), marks.get(arguments.time)
-    wanted = list(dict.fromkeys(column[name] for name in signals))
-    inputs = {column[name] for name in plant.inputs}
-    gaps = [column[name] for name in plant.outputs if column[name] not in inputs]
-    columns, labels = read_csv(arguments.data, wanted, run, time, gaps)
-    n = len(next(iter(columns.values())))
-    X = np.stack([columns[column[name]] for name in plant.inputs], axis=1) if plant.inputs else np.zeros((n, 0))
-    y = np.stack([columns[column[name]] for name in plant.outputs], axis=1)
-    shown = {**column, **{name: text for name, text in given.items() if text not in header}}
-    units = {name: unit for name in signals if (unit := split_unit(shown[name])[1])}
-    if time and split_unit(time)[1]:
-        units["time"] = split_unit(time)[1]
-    for name, unit in units.items():
-        if known.get(name, unit) != unit:
-            print(
-                f"sksurrogate: {name!r} is in {unit} in {arguments.data} and in {known[name]} in the simulator: convert one of "
-                "them where these differ.",
-                file=sys.stderr,
-            )
-    return X, y, columns[time] if time else None, labels, units
 
 
 def _say_swapped(simulator: Any, X: np.ndarray, y: np.ndarray, labels: Any, plant: Any) -> None:

@@ -1,6 +1,7 @@
 """Recordings as people have them: units in headers, other names, decimal commas, dates, swapped columns; options anywhere."""
 
 import json
+import re
 import sys
 import time
 
@@ -308,3 +309,31 @@ def test_a_stamp_that_goes_back_is_named_with_its_row(tmp_path, capsys):
         in said
     )
     assert "Row 0 is the first line below the header" in said
+
+
+def test_a_joint_log_stands_in_the_place_of_a_csv(folder, capsys):
+    words = ["diagnose", f"{folder / 'plant.py'}:plant", "--effects", "sensor_bias", "linear_loss", "--quiet", "--json"]
+    columns, runs = read_csv(folder / "data.csv", ["q (m^3/s)", "level [m]"], "experiment")
+    q, level = columns.values()
+    np.savez(folder / "log.npz", q=q, levels=level[:, None], label=runs)
+    options = ["--columns", "flow=q", "--readings", "levels", "--run", "label"]
+    assert main([*words, str(folder / "log.npz"), *options]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert main([*words, str(folder / "data.csv"), "--columns", "flow=q (m^3/s)", "--run", "experiment"]) == 0
+    same = json.loads(capsys.readouterr().out)
+    assert found["effects"] == same["effects"] and found["effects"][0]["name"] == "sensor_bias"
+
+
+@pytest.mark.parametrize(
+    "data, options, said",
+    [
+        ("data.csv", ["--commands", "u"], "--commands: .*data.csv is a CSV, which has columns alone"),
+        ("log.npz", ["--columns", "flow=p"], r"inputs: the log has no signal 'p'; .*\['flow', 'level'\]"),
+        ("none.mcap", [], "there is no such file or folder"),
+        (".", [], "is a folder without meta/info.json"),
+    ],
+)
+def test_mistakes_in_a_joint_log(folder, capsys, data, options, said):
+    np.savez(folder / "log.npz", flow=np.ones(20), level=np.ones(20))
+    assert main(["diagnose", f"{folder / 'plant.py'}:plant", str(folder / data), *options, "--quiet"]) == 2
+    assert re.search(said, capsys.readouterr().err)
