@@ -14,11 +14,13 @@ from typing import Any
 import numpy as np
 
 from sksurrogate._close_names import did_you_mean
-from sksurrogate.datasets._log_streams import Asked, Part, Record, Stream, chosen, distinct, renamed, shown
+from sksurrogate.datasets._log_streams import MOST_NAMES, Asked, Part, Record, Stream, chosen, distinct, renamed, shown
 from sksurrogate.exceptions import DataError, SurrogateError, require
 
 #: Fields of a joint state, and what their signals end with.
 FIELDS = {"position": ".pos", "velocity": ".vel", "effort": ".effort"}
+#: Stamps below (ns; the year 1973) are of a simulated clock, which begins at 0.
+SIMULATED = 10**17
 #: Encodings of messages and of their definitions that are read.
 ENCODINGS = {("cdr", "ros2msg"): "mcap_ros2.decoder", ("ros1", "ros1msg"): "mcap_ros1.decoder"}
 
@@ -44,7 +46,7 @@ class _Messages:
     names: tuple[str, ...]
     numbered: bool
     logged: list[int] = field(default_factory=list)  #: ns
-    stamped: list[int] = field(default_factory=list)  #: ns; 0 without a stamp in a header
+    stamped: list[int | None] = field(default_factory=list)  #: ns; None without a stamp in a header
     values: list[list[float]] = field(default_factory=list)
 
 
@@ -169,7 +171,9 @@ def _check_topic(argument: str, name: str, topics: dict[str, _Topic]) -> None:
 
 def _listed(topics: dict[str, _Topic]) -> str:
     """Topics as they can stand in a message."""
-    return ", ".join(f"{name!r} ({topic.kind}, {topic.count} messages)" for name, topic in topics.items()) or "none"
+    told = [f"{name!r} ({topic.kind}, {topic.count} messages)" for name, topic in topics.items()]
+    more = [f"{len(told) - MOST_NAMES} more"] if len(told) > MOST_NAMES else []
+    return ", ".join([*told[:MOST_NAMES], *more]) or "none"
 
 
 # ---- messages ---------------------------------------------------------------------------------------------------------
@@ -249,9 +253,11 @@ def _check_widths(found: Any) -> None:
             )
 
 
-def _stamp(message: Any) -> int:
-    """Stamp in the header in ns; 0 without one. ROS 2 calls its parts sec and nanosec, ROS 1 secs and nsecs."""
+def _stamp(message: Any) -> int | None:
+    """Stamp in the header in ns; ROS 2 calls its parts sec and nanosec, ROS 1 secs and nsecs."""
     stamp = getattr(getattr(message, "header", None), "stamp", None)
+    if stamp is None:
+        return None
     whole = getattr(stamp, "sec", getattr(stamp, "secs", 0))
     part = getattr(stamp, "nanosec", getattr(stamp, "nsecs", getattr(stamp, "nsec", 0)))
     return int(whole) * 10**9 + int(part)
@@ -260,21 +266,30 @@ def _stamp(message: Any) -> int:
 # ---- time -------------------------------------------------------------------------------------------------------------
 def _clock(found: Sequence[_Messages], clock: str) -> tuple[str, list[str]]:
     """One clock for all messages: headers where all have a stamp, else the times of recording."""
-    without = sorted({messages.topic for messages in found if not all(messages.stamped)})
+    _forget_zeros(found)
+    without = sorted({messages.topic for messages in found if None in messages.stamped})
     if clock != "auto":
         return clock, []
     if not without:
         return "header", []
-    some = any(any(messages.stamped) for messages in found)
+    some = any(stamp is not None for messages in found for stamp in messages.stamped)
     note = f"Messages of {shown(without)} have no stamp in a header: the times of recording count for all topics."
     return "log", [note] if some else []
+
+
+def _forget_zeros(found: Sequence[_Messages]) -> None:
+    """A stamp of 0 is none, unless others are of a simulated clock, which begins there."""
+    given = [stamp for messages in found for stamp in messages.stamped if stamp]
+    if not given or min(given) > SIMULATED:
+        for messages in found:
+            messages.stamped = [stamp or None for stamp in messages.stamped]
 
 
 def _times(messages: _Messages, clock: str) -> list[int]:
     """Times of messages in ns."""
     if clock == "log":
         return messages.logged
-    return [stamp or logged for stamp, logged in zip(messages.stamped, messages.logged)]
+    return [logged if stamp is None else stamp for stamp, logged in zip(messages.stamped, messages.logged)]
 
 
 def _stream(messages: _Messages, clock: str, origin: int, reading: bool, notes: list[str]) -> Stream:
@@ -283,7 +298,7 @@ def _stream(messages: _Messages, clock: str, origin: int, reading: bool, notes: 
     values = np.array(messages.values, dtype=float).reshape(len(ns), len(messages.names))
     back = int(np.sum(np.diff(ns) < 0))
     if back:
-        notes.append(f"{back} messages of {messages.topic} came out of order and were sorted by their times.")
+        notes.append(f"Sorted, messages of {messages.topic} that came out of order: {back}.")
     order = np.argsort(ns, kind="stable")
     ns, values = ns[order], values[order]
     if reading:

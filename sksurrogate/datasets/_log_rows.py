@@ -89,10 +89,10 @@ def _cuts(record: Record, pause: float) -> tuple[list[_Cut], list[str]]:
             cuts.append(_Cut(label, t[rows], y[rows], part))
     if not cuts:
         raise DataError(_nothing_left(record, early, alone))
-    notes += (
-        [f"{early} readings before the first command were left out: what acted then is not known."] if early else []
-    )
-    notes += [f"{alone} readings that stand alone between two pauses were left out."] if alone else []
+    if early:
+        notes.append(f"Left out, readings before the first command: {early}. What acted then is not known.")
+    if alone:
+        notes.append(f"Left out, readings alone between two pauses: {alone}.")
     return cuts, notes
 
 

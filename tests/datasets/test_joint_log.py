@@ -138,6 +138,25 @@ def test_the_friction_of_the_arm_is_found_in_its_log(runs, mcap_log, messages):
     assert report.effects[0].params["level"] == pytest.approx(0.15, rel=0.05)
 
 
+def test_commands_between_readings_drive_the_arm_as_their_mean(mcap_log, messages):
+    """Steps of 1 ms are the arm; rows of 10 ms with the mean command follow it, with the command in force at the reading they do not."""
+    fine, rng = (
+        arm().set_params(model=ARM.format(friction=0).replace("0.005", "0.001"), dt=0.001),
+        np.random.default_rng(0),
+    )
+    at = np.r_[0, np.sort(rng.choice(np.arange(1, 1190), 30, replace=False))]
+    levels = rng.uniform(-1.5, 1.5, size=(31, 2))
+    y = fine.simulate(levels[np.searchsorted(at, np.arange(1191), side="right") - 1])[::10]
+    states = [messages.joints(0.01 * k, NAMES, row[:2], row[2:]) for k, row in enumerate(y)]
+    sent = [messages.array(0.001 * k, row) for k, row in zip(at, levels)]
+    coarse = fine.set_params(dt=0.01)
+    path = mcap_log({"/joint_states": states, "/torques": sent})
+    log = load_joint_log(path, inputs=INPUTS, outputs=OUTPUTS, commands="/torques", clock="header", dt=0.01)
+    in_force = levels[np.searchsorted(at, 10 * np.arange(120), side="right") - 1]
+    rmse = [np.sqrt(np.mean((coarse.simulate(U) - y) ** 2)) for U in (log.X.to_numpy(), in_force)]
+    assert rmse[0] < 0.1 * rmse[1]
+
+
 # ---- rows -------------------------------------------------------------------------------------------------------------
 def test_held_commands_keep_their_integral():
     rng = np.random.default_rng(0)

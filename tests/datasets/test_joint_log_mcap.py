@@ -51,7 +51,7 @@ def test_readings_before_the_first_command_are_left_out(mcap_log, states, messag
     path = mcap_log({TOPIC: states(), "/torque": [messages.array(0.305, [2.0])]})
     log = load_joint_log(path, inputs=["motor"], commands="/torque", clock="header")
     assert len(log.X) == 69 and log.stamps[0] == pytest.approx(0.31) and (log.X["motor"] == 2.0).all()
-    assert log.notes == ("31 readings before the first command were left out: what acted then is not known.",)
+    assert log.notes == ("Left out, readings before the first command: 31. What acted then is not known.",)
     late = mcap_log({TOPIC: states(), "/torque": [messages.array(5.0, [2.0])]})
     with pytest.raises(
         DataError, match=r"no two readings follow the first command: this comes at 5 s, the last reading at 0.99 s"
@@ -65,7 +65,7 @@ def test_messages_out_of_order_are_sorted_and_those_sent_twice_count_once(mcap_l
     sent.insert(50, sent[49])
     log = load_joint_log(mcap_log({TOPIC: sent}))
     np.testing.assert_array_equal(log.y["elbow.pos"], T)
-    assert log.notes == (f"1 messages of {TOPIC} came out of order and were sorted by their times.",)
+    assert log.notes == (f"Sorted, messages of {TOPIC} that came out of order: 1.",)
 
 
 def test_two_readings_at_one_time_that_differ_are_refused(mcap_log, states, messages):
@@ -83,10 +83,20 @@ def test_one_clock_counts_for_all_topics(mcap_log, states, messages):
     )
     assert len(load_joint_log(path, inputs=["motor"], commands="/torque", clock="log").X) == 100
     header = load_joint_log(path, inputs=["motor"], commands="/torque", clock="header")
-    assert len(header.X) == 50 and "50 readings before the first command" in header.notes[0]
+    assert len(header.X) == 50 and header.notes[0].startswith("Left out, readings before the first command: 50")
     bare = load_joint_log(mcap_log({TOPIC: states(stamp=False)}))
     np.testing.assert_allclose(bare.y["elbow.pos"], T)
     assert bare.notes == ()
+
+
+def test_a_simulated_clock_begins_at_zero(mcap_log, states, messages):
+    slow = [(4.0 * s, kind, message) for s, kind, message in states()]  # recorded at a quarter of the speed
+    for s, _, message in slow:
+        ns = round(s / 4.0 * 1e9)
+        message["header"]["stamp"] = {"sec": ns // 10**9, "nanosec": ns % 10**9}
+    log = load_joint_log(mcap_log({TOPIC: slow}))
+    assert log.dt == 0.01 and log.notes == ()
+    np.testing.assert_array_equal(log.y["elbow.pos"], T)
 
 
 def test_jitter_keeps_the_stamps(mcap_log, states):
@@ -105,7 +115,7 @@ def test_a_pause_starts_a_run_and_lost_readings_are_nan_where_commands_go_on(mca
     assert log.time is None and log.groups.tolist() == 80 * [0] + 20 * [1]
     assert log.y["elbow.pos"][40:45].isna().all() and log.y["elbow.pos"].notna().sum() == 95
     np.testing.assert_array_equal(log.X["motor"], np.r_[np.arange(80), 100 + np.arange(20)])
-    assert log.notes == ("1 readings that stand alone between two pauses were left out.",)
+    assert log.notes == ("Left out, readings alone between two pauses: 1.",)
     with pytest.raises(DataError, match=r"are spread over 901 rows of dt=0\.01: give a smaller pause="):
         few = mcap_log({TOPIC: states(np.r_[T[:10], 9.0]), "/torque": sent})
         load_joint_log(few, inputs=["motor"], commands="/torque", clock="header", pause=1e6)
