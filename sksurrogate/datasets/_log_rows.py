@@ -135,15 +135,16 @@ def merged(streams: Sequence[Stream], names: Sequence[str]) -> tuple[np.ndarray,
     order = sorted(streams, key=lambda stream: -len(stream.t))
     t, values, moved = order[0].t, _columns(order[0], names), []
     for stream in order[1:]:
+        step = np.median(np.diff(t)) if len(t) > 1 else np.inf
         near = _nearest(t, stream.t)
         away = np.abs(stream.t - t[near])
         first = np.zeros(len(near), dtype=bool)
         first[np.unique(near, return_index=True)[1]] = True  # a second reading of one row is a row of its own
-        fits = first & (away < 0.5 * (np.median(np.diff(t)) if len(t) > 1 else np.inf))
+        fits = first & (away < 0.5 * step)
         read = _columns(stream, names)
         here = values[near[fits]]
         values[near[fits]] = np.where(np.isnan(here), read[fits], here)
-        if np.any(away[fits] > SAME_TIME * np.median(np.diff(t))) if len(t) > 1 else False:
+        if np.any(away[fits] > SAME_TIME * step):
             moved.append((stream.source, float(away[fits].max())))
         t, values = np.concatenate([t, stream.t[~fits]]), np.concatenate([values, read[~fits]])
         rows = np.argsort(t, kind="stable")

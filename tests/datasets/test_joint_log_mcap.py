@@ -174,7 +174,7 @@ def test_files_of_one_recording_are_joined(mcap_log, states, tmp_path):
 
 
 def test_a_file_without_an_index_is_read(states, tmp_path, messages):
-    pytest.importorskip("mcap_ros2", reason="mcap-ros2-support is not installed (extra robots)")
+    pytest.importorskip("mcap", reason="mcap is not installed (extra robots)")
     from mcap.writer import CompressionType, IndexType, Writer
 
     with (tmp_path / "log.mcap").open("wb") as stream:
