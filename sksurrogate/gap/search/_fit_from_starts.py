@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from sksurrogate.effects._effect import BaseEffect, HiddenEffect, LimitEffect, SensorEffect
+from sksurrogate.effects._law import AnyLaw
 from sksurrogate.effects._onset import Starting
 from sksurrogate.gap.fit._build import nominal_run
 from sksurrogate.gap.fit._closeness import FAR_BY_COST, NEAR
@@ -101,6 +102,17 @@ def fit_last(
         return cheapest(tries)
     soft = problem.at(replace(problem.numerics, sharpness=SOFT)).fit(effects, theta, run, open_steps=0, max_steps=8)
     return soft and soft.resumed(problem, max_steps=12)
+
+
+def fit_part(problem: OdeBackend, base: OdeCandidate, law: AnyLaw, values: np.ndarray) -> OdeCandidate | None:
+    """Fit a law on top of a base from a part of its coefficients, along the run of the base: from so small a part that it starts no worse."""
+    own, n = base.fit.x[: base.model.n_nominal], len(law.terms)
+    for share in NEARER:
+        theta = base.theta_with(np.r_[share * values[:n], values[n:]])
+        found = problem.fit((*base.effects, law), theta, own, open_steps=0)
+        if found is not None and found.fit.cost < base.fit.cost:
+            return found
+    return None
 
 
 def fit_limit(

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.effects._law import AnyLaw
 from sksurrogate.effects._whole_step import has_own_steps
 from sksurrogate.gap.fit._closeness import MOST_LEFT, SETTLED
 from sksurrogate.gap.fit._evidence import Evidence, estimate_noise, follow_null
@@ -24,6 +25,7 @@ from sksurrogate.gap.search._fit_from_starts import (
     best_starts,
     cheapest,
     fit_last,
+    fit_part,
     mean_start,
     numerics_matter,
     open_null,
@@ -210,9 +212,12 @@ class OdeSearch(Expander):
         self, base: OdeCandidate, law: BaseEffect, values: np.ndarray, path: np.ndarray | None
     ) -> OdeCandidate | None:
         assert path is not None
-        theta, problem = base.theta_with(values), self.searching(base)
         states = path[: base.model.n_nominal]  # hidden states of effects and laws settle along it
-        return fit_last(problem, (*base.effects, law), theta, states, base.fit, np.inf)
+        problem, effects = self.searching(base), (*base.effects, law)
+        found = fit_last(problem, effects, base.theta_with(values), states, base.fit, np.inf)
+        if not isinstance(law, AnyLaw) or (found is not None and found.fit.cost < base.fit.cost):
+            return found
+        return cheapest([found, fit_part(problem, base, law, values)])
 
     def in_place_of(self, final: Evidence[OdeCandidate], i: int) -> list[OdeCandidate]:
         named, single = final.candidate, len(final.effects) == 1
