@@ -33,6 +33,7 @@ from sksurrogate.gap.search._fit_from_starts import (
 from sksurrogate.gap.search._kink_width import rounded
 from sksurrogate.gap.search._nested import richer
 from sksurrogate.gap.search._onsets import look_for_onsets, twins_with_onset
+from sksurrogate.gap.search._related_forms import simplify
 from sksurrogate.gap.search._restart import line_searched
 from sksurrogate.gap.search._set_search import COMES_BACK
 from sksurrogate.gap.search._stopping import is_stack
@@ -94,7 +95,7 @@ class OdeSearch(Expander):
         if not self.later_asked or not found.effects:
             return found
         if not (self.frugal and len(found.effects) == 1):
-            found = self.met_late_ones(found)
+            found = self.paired_with_late(self.met_late_ones(found))
         if found.left < SETTLED:
             return found
         if len(found.effects) > 1:
@@ -126,7 +127,8 @@ class OdeSearch(Expander):
             self.remember([one])
             if len(places) > 1 and not self.passes(named, self.judge(estimate_noise(one, found.noise)).candidate, True):
                 del self.later_asked[effect.key]
-                return self.met_late_ones(self.judged[self.stand(self.polish(one))])
+                chosen = self.swap(self.polish(one))  # the other names were chosen beside those that are gone
+                return self.met_late_ones(self.judged[self.stand(chosen)])
         return found
 
     def one_late(self, found: Evidence[OdeCandidate]) -> Evidence[OdeCandidate]:
@@ -141,6 +143,23 @@ class OdeSearch(Expander):
                 del self.later_asked[one.effects[0].key]
                 return self.judged[self.stand(self.polish(one))]
         return found
+
+    def paired_with_late(self, found: Evidence[OdeCandidate]) -> Evidence[OdeCandidate]:
+        """What stands once effects left for later were paired with all: two names in the place of a stack that leaves more than the noise.
+
+        A stack is often an imitation of few effects of which one has not been asked.
+        """
+        late, named = [effect.key for effect in self.later_asked.values() if effect.late], found.candidate
+        if not late or self.frugal or not is_stack(found):
+            return found
+        null = self.fitted_null.candidate
+        self.ask_now(late)
+        self.base_and_screen(null)
+        two = self.ranked(self.pairs(null, named.fit.cost), null)
+        if not two:
+            return found
+        chosen = simplify(self, self.swap(self.polish(two[0])))
+        return found if self.passes(named, chosen, True) else self.judged[self.stand(chosen)]
 
     def singles(self, null: OdeCandidate) -> list[OdeCandidate]:
         """The null with one effect; those left for later too that are expected to close most of what the best of the others leaves."""
