@@ -26,6 +26,11 @@ def within_the_runs(time: float, probe: Probe) -> bool:
     return shown < time < probe.duration - shown
 
 
+def keeps_its_sign(factor: np.ndarray) -> bool:
+    """Whether what a parameter is multiplied by is on one side of zero: no resistance drives, and no source drains, in a part of the data."""
+    return not np.min(factor) < 0.0 < np.max(factor)
+
+
 class ParameterError(ParameterEffect):
     """A parameter is off by a factor: ``p (1 + c)``; ``p + c`` where the nominal value is 0."""
 
@@ -73,6 +78,10 @@ class ParameterDrift(ParameterEffect):
     def value(self, p: Any, t: Any, theta: Sequence[Any], width: float) -> Any:
         return p * (1 + theta[0] * t)
 
+    def plausible(self, theta: Sequence[float], probe: Probe) -> bool:
+        """The parameter keeps its sign to the end of the longest run."""
+        return keeps_its_sign(1 + theta[0] * np.array([0.0, probe.duration]))
+
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
         """A tenth at the end of the longest run."""
         return [(0.1 / max(probe.duration, probe.dt),)]
@@ -102,6 +111,10 @@ class ParameterDependence(ParameterEffect):
 
     def value(self, p: Any, t: Any, theta: Sequence[Any], width: float, v: Any = 0.0) -> Any:
         return p * (1 + theta[0] * v + theta[1])
+
+    def plausible(self, theta: Sequence[float], probe: Probe) -> bool:
+        """The parameter keeps its sign along the data."""
+        return probe.v is None or keeps_its_sign(1 + theta[0] * np.asarray(probe.v) + theta[1])
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
         """A tenth more or less for a deviation of the signal, and right at its least, mean or largest value."""

@@ -17,12 +17,10 @@ from sksurrogate.gap.results._law import Law
 from sksurrogate.gap.search._stopping import STACK
 from sksurrogate.gap.unnamed._law_evidence import place_and_signal
 
-#: Said of names that one law does without, and of so many that leave more than the tolerance.
+#: Said of names that one law does without.
 INSTEAD = "{names} passed the evidence, but one law without a name explains the gap better than all of them; no name is given."
-LEAVE_A_LAW = (
-    "{names} passed the evidence, but together they leave a law that is larger than the tolerance: so many names are rather an "
-    "imitation of one missing effect. No name is given."
-)
+#: Said of names that a rule withdraws.
+WITHDRAWN = "{names} passed the evidence. "
 
 
 class LawStage(DiagnosisState[C]):
@@ -35,7 +33,7 @@ class LawStage(DiagnosisState[C]):
             return
         rule, beside, rest = first_rule(features), None, None
         if rule.withdraws:
-            self.withdraw_names(LEAVE_A_LAW)
+            self.withdraw_names(WITHDRAWN + rule.sentence)
         elif self.names_may_imitate(rule.verdict, features.share_left):
             beside, rest = self.law_in_place_of_names(found.held, rule.verdict)
         if beside is None and rule.law and rule.verdict in ("partial", "unknown"):

@@ -158,14 +158,15 @@ class DiagnosisState(Generic[C]):
         return DecisionFeatures(
             names=len(final.effects),
             probability=min(found.parts.probabilities, default=1.0),
-            sized=self.search.plausible(final.candidate)
-            and (found.values is None or is_sized(final.effects, found.values.low, found.values.high)),
+            sized=found.values is None or is_sized(final.effects, found.values.low, found.values.high),
+            shown=self.search.plausible(final.candidate),
             retuned=found.retuned,
             share_left=share_left(shrink),
             left=access.over_noise(final, found.retuned),
             lawful=law.size if law is not None else 0.0,
             after=shrink.after,
             error=shrink.before if np.isfinite(shrink.before) else np.inf,
+            after_retuning=shrink.after_retuning if np.isfinite(shrink.after_retuning) else np.inf,
             curve=law.gain if law is not None else -np.inf,
             curve_moved=law.deviation if law is not None else 0.0,
             repeats=len(self.labels) < 2 or not np.isfinite(shrink.fraction_law) or certified_law(shrink),

@@ -23,6 +23,8 @@ SAID = {
     "hysteresis": (1.0, 0.3),
     "end_stop": (1.0, 0.7),
     "power_law": (1.0, 0.5),
+    "parameter_dependence": (0.5, 0.1),
+    "parameter_drift": (-0.09,),
 }
 UNLIKELY = [
     ("lugre_friction", (1e4, 1.0, 1.5, 0.3)),
@@ -36,12 +38,14 @@ UNLIKELY = [
     ("hysteresis", (1.0, 50.0)),
     ("end_stop", (1.0, -1.1)),
     ("power_law", (1.0, 0.1)),
+    ("parameter_dependence", (0.5, -0.9)),
+    ("parameter_drift", (-0.11,)),
 ]
 
 
 def at(name):
     effect = CATALOGUE[name]
-    return effect("k") if effect.kind == "parameter" else effect("v", "v")
+    return effect("k", *["v"] * (name == "parameter_dependence")) if effect.kind == "parameter" else effect("v", "v")
 
 
 @pytest.mark.parametrize(("name", "theta"), SAID.items())

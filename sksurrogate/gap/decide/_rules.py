@@ -24,8 +24,9 @@ class DecisionFeatures:
 
     names: int = 0  #: Effects that passed their certificate
     probability: float = 1.0  #: That of the least probable of them, whatever else acts; 1 where nothing is named
-    #: Whether the interval of each one's magnitude leaves out the value at which it does nothing, and each shows its form
-    sized: bool = True
+    sized: bool = True  #: Whether the interval of each one's magnitude leaves out the value at which it does nothing
+    #: Whether the data show each one's form: no exponent at its bound, no parameter that changes its sign along them
+    shown: bool = True
     retuned: bool = False  #: Whether the free parameters moved by more than chance
     #: Share of the gap that is left, in amplitude, on runs left out; of the outputs' deviation where the gap is larger
     share_left: float = 1.0
@@ -35,6 +36,7 @@ class DecisionFeatures:
     #: deviation
     after: float = np.inf
     error: float = np.inf
+    after_retuning: float = np.inf  #: The same with all parameters re-tuned and nothing named
     #: curve, curve_moved: Gain of the likeliest law beside what is named, and what it moves an output by, over its
     #: deviation
     curve: float = -np.inf
@@ -79,8 +81,8 @@ class Rule:
 
 
 def certain(f: DecisionFeatures) -> bool:
-    """Every name is probable and of a known size, or re-tuning alone moved the parameters."""
-    return bool(f.probability >= CERTAIN_NAME and f.sized if f.names else f.retuned)
+    """Every name is probable, of a known size and shows its form, or re-tuning alone moved the parameters."""
+    return bool(f.probability >= CERTAIN_NAME and f.sized and f.shown if f.names else f.retuned)
 
 
 def leaves_a_disturbance(f: DecisionFeatures) -> bool:
@@ -108,7 +110,7 @@ RULES: tuple[Rule, ...] = (
         lambda f: f.names > 0 and not certain(f),
         "unknown",
         "An effect closes part of the gap, but another effect or a law without a name explains it as well, the interval "
-        "of its magnitude includes the value at which it does nothing, or it does not show its form (an exponent at its bound).",
+        "of its magnitude includes the value at which it does nothing, or it does not show its form (an exponent at its bound, a parameter that changes its sign).",
     ),
     Rule(
         "at_a_bound",
@@ -139,6 +141,13 @@ RULES: tuple[Rule, ...] = (
         lambda f: f.names >= STACK,
         "unknown",
         "So many effects leave more than the tolerance. They imitate one that is missing, and are withdrawn.",
+        withdraws=True,
+    ),
+    Rule(
+        "retuning_is_nearer",
+        lambda f: f.names > 0 and f.after > f.after_retuning,
+        "unknown",
+        "The effects leave more than the tolerance, and more than re-tuned parameters do. They are withdrawn.",
         withdraws=True,
     ),
     Rule("law_left", lambda f: f.names > 0, "partial", "The effects are certain, but more than the tolerance remains."),

@@ -119,8 +119,10 @@ def _no_gap(shrink: Shrink) -> str:
 
 def _uncertain(report: ReportData) -> str:
     """The likeliest effects, none of which is certain."""
-    likely = confidence(min(effect.probability for effect in report.effects))
-    if not report.reasons.features.get("sized", True):
+    likely, features = confidence(min(effect.probability for effect in report.effects)), report.reasons.features
+    if not features.get("shown", True):
+        likely = "it does not show its form (an exponent at its bound, or a parameter that changes its sign)"
+    elif not features.get("sized", True):
         likely = "the interval of a magnitude includes the value at which it does nothing"
     be = "is" if len(report.effects) == 1 else "are"
     return f"No effect is certain. The likeliest {be} {_named(report)}{_which_closes(report)}: {likely}.{_with_law(report)}"
