@@ -167,9 +167,9 @@ RULES: tuple[Rule, ...] = (
     Rule("noisy_input", lambda f: f.noisy_input, "none", "The noise of a measured input makes up the gap."),
     Rule(
         "unnamed_law",
-        lambda f: f.curve > CERTAIN and f.curve_moved > PRACTICAL and f.repeats,
+        lambda f: f.curve > CERTAIN and f.curve_moved > PRACTICAL and (f.repeats or f.lawful > MOST_LEFT),
         "unknown",
-        "The gap follows a law of the signals for certain, on runs left out too, and no effect has its form.",
+        "The gap follows a law of the signals for certain, on runs left out too or for the most part, and no effect has its form.",
     ),
     Rule(
         "unnamed_and_far",
