@@ -166,7 +166,6 @@ class DiagnosisState(Generic[C]):
             lawful=law.size if law is not None else 0.0,
             after=shrink.after,
             error=shrink.before if np.isfinite(shrink.before) else np.inf,
-            after_retuning=shrink.after_retuning if np.isfinite(shrink.after_retuning) else np.inf,
             curve=law.gain if law is not None else -np.inf,
             curve_moved=law.deviation if law is not None else 0.0,
             repeats=len(self.labels) < 2 or not np.isfinite(shrink.fraction_law) or certified_law(shrink),

@@ -34,14 +34,6 @@ def test_a_certain_name_beside_a_lawful_rest_is_partial_and_beside_a_disturbance
     assert decide(replace(leaves, lawful=0.05))[0] == "explained"
 
 
-def test_names_that_leave_more_than_re_tuning_does_are_withdrawn():
-    leaves = replace(NAMED, share_left=0.3, left=3.0, lawful=0.25, error=0.3, after=0.15)
-    nearer = replace(leaves, after_retuning=0.11)
-    assert decide(replace(leaves, after_retuning=0.2))[0] == "partial"
-    assert decide(nearer)[0] == "unknown" and first_rule(nearer).withdraws
-    assert decide(replace(NAMED, after_retuning=0.001))[0] == "explained"  # within the tolerance parameters may imitate
-
-
 def test_a_name_that_does_not_show_its_form_is_not_certain():
     assert (
         decide(replace(NAMED, shown=False))[0] == "unknown"

@@ -36,7 +36,6 @@ class DecisionFeatures:
     #: deviation
     after: float = np.inf
     error: float = np.inf
-    after_retuning: float = np.inf  #: The same with all parameters re-tuned and nothing named
     #: curve, curve_moved: Gain of the likeliest law beside what is named, and what it moves an output by, over its
     #: deviation
     curve: float = -np.inf
@@ -141,13 +140,6 @@ RULES: tuple[Rule, ...] = (
         lambda f: f.names >= STACK,
         "unknown",
         "So many effects leave more than the tolerance. They imitate one that is missing, and are withdrawn.",
-        withdraws=True,
-    ),
-    Rule(
-        "retuning_is_nearer",
-        lambda f: f.names > 0 and f.after > f.after_retuning,
-        "unknown",
-        "The effects leave more than the tolerance, and more than re-tuned parameters do. They are withdrawn.",
         withdraws=True,
     ),
     Rule("law_left", lambda f: f.names > 0, "partial", "The effects are certain, but more than the tolerance remains."),
