@@ -7,9 +7,9 @@ import pytest
 from scipy.stats import binomtest
 
 from sksurrogate.blind import ARMS, BlindResult
-from sksurrogate.blind._limits import mean, wilson
+from sksurrogate.blind._limits import mean, median, wilson
 from sksurrogate.blind._pictures import missing_terms, overview, recorded_terms
-from sksurrogate.blind._probabilities import calibration_error, class_stated, name_stated
+from sksurrogate.blind._probabilities import PROBABILITY_BINS, calibration_error, class_stated, name_stated
 from sksurrogate.blind._summaries import detection, experiments, place_up_to_twins, unknown_scores
 
 TRUE = ("coulomb_friction", "speed", "speed")
@@ -214,6 +214,24 @@ def test_the_interval_of_a_mean_holds_nine_of_ten():
     rows = [mean("", value, 1.0) for value in values]
     low, high = (np.array([row[name] for row in rows]) for name in ("low", "high"))
     assert np.mean((low <= 1.0) & (high >= 1.0)) == pytest.approx(0.9, abs=0.02)
+
+
+def test_the_interval_of_a_median_holds_nine_of_ten():
+    values = np.random.default_rng(1).exponential(size=(4000, 60))
+    rows = [median("", value, 1.0) for value in values]
+    low, high = (np.array([row[name] for row in rows]) for name in ("low", "high"))
+    # whole order statistics, rounded outwards: of 60 values those of ranks 24 and 38, between which the binomial has 0.93
+    assert 0.9 <= np.mean((low <= np.log(2.0)) & (high >= np.log(2.0))) <= 0.95
+
+
+def test_a_false_name_counts_as_one_where_it_is_said_to_explain_the_gap():
+    verdicts = ("explained", "explained", "unknown", "none")
+    rows = [made("effect", seed=k, verdict=verdict, false_names=k > 0) for k, verdict in enumerate(verdicts)]
+    assert BlindResult(tuple(rows)).scores()[0]["false"] == pytest.approx(1 / 4)
+
+
+def test_the_bins_of_probabilities_part_all_of_them():
+    assert (PROBABILITY_BINS[0], PROBABILITY_BINS[-1]) == (0.0, 1.0) and np.all(np.diff(PROBABILITY_BINS) > 0)
 
 
 def test_every_stated_probability_counts_in_the_one_bin_that_holds_it():

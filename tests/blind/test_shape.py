@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 from sksurrogate.blind import draw
 from sksurrogate.blind._follow import CONTROL, experiment, follow, followed
@@ -118,3 +119,13 @@ def test_a_stop_acts_where_its_position_is_and_a_limit_where_its_state_is(name, 
     case = SimpleNamespace(truths=[Truth(name, location, variable, params)], plant=plant, states=states)
     found = active(case)
     assert found is None if rows is None else found.tolist() == rows
+
+
+def test_a_reading_at_the_limit_of_a_sensor_is_told_from_the_others_in_98_of_100():
+    rng, noise = np.random.default_rng(0), 0.05
+    y = np.r_[np.full(4000, 1.0), np.full(4000, 0.7)] + noise * rng.normal(size=8000)
+    question = SimpleNamespace(simulator=SimpleNamespace(outputs=["level"]), y=y[:, None])
+    truth = Truth("sensor_saturation", "level", None, {"limit": 1.0})
+    case = SimpleNamespace(truths=[truth], plant=None, question=question, noise=np.array([noise]))
+    at_the_limit, elsewhere = np.split(active(case), 2)
+    assert np.mean(at_the_limit) == pytest.approx(norm.cdf(2.0), abs=0.01) and not elsewhere.any()
