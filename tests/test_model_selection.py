@@ -127,6 +127,17 @@ def test_a_scorer_sees_all_outputs(n_initial):
     assert scorer.score(model, X, both, groups=groups) == pytest.approx(-np.sqrt(np.mean(np.concatenate(missed) ** 2)))
 
 
+def test_a_scorer_takes_groups_before_the_run_column_of_the_model():
+    """Two runs of the column that follow each other without a break are scored as one run."""
+    X, y, groups = planted()
+    table = np.column_stack([X, np.arange(len(X)) // 20])  # half a run each
+    model = RecursivePredictor(LinearRegression(), 1, 1, run=X.shape[1]).fit(table, y)
+    plain = RecursivePredictor(LinearRegression(), 1, 1).fit(X, y, groups=table[:, -1])
+    scorer = FreeRunScorer()
+    assert scorer.score(model, table, y, groups=groups) == pytest.approx(scorer.score(plain, X, y, groups=groups))
+    assert scorer.score(model, table, y) == pytest.approx(scorer.score(plain, X, y, groups=table[:, -1]))
+
+
 def test_correlations_of_independent_signals_stay_within_their_band_in_99_of_100():
     rng = np.random.default_rng(0)
     found = [cross_correlation_test(*rng.normal(size=(2, 400)), n_lags=10) for _ in range(200)]

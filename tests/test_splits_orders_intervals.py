@@ -185,8 +185,26 @@ def test_errors_of_one_size_have_one_scale_however_many_runs_reach_a_row():
     lengths = [60, 60, 100, 100, 200]
     errors = [np.where(np.arange(n)[:, None] < 2, np.nan, [[3.0, 0.5]]) for n in lengths]
     np.testing.assert_allclose(_scale(errors, errors)[1:], np.tile([3.0, 0.5], (199, 1)))
+    late = [np.where(np.arange(20)[:, None] < 5, np.nan, 2.0)]  # what no run knows has the scale of all
+    np.testing.assert_allclose(_scale(late, late), np.full((20, 1), 2.0))
     growing = [np.linspace(1.0, 2.0, n)[:, None] for n in (100, 100)]
     np.testing.assert_allclose(_scale(growing, growing)[10:-10, 0], growing[0][10:-10, 0], rtol=0.01)
+
+
+@pytest.mark.parametrize(("n", "reached"), [(12, 3), (200, 20)])
+def test_a_scale_is_smoothed_over_a_tenth_of_the_run_or_over_neighbours(n, reached):
+    errors = [np.where(np.arange(n)[:, None] == n // 2, 1.0, 0.0)]
+    scale = _scale(errors, errors)[:, 0]
+    high = scale > 2 * scale.min()
+    assert high.sum() == reached and high[n // 2]
+    np.testing.assert_allclose(scale[high], 1.0 / np.sqrt(reached))
+
+
+def test_folds_of_runs_of_unlike_lengths_have_about_equal_rows():
+    groups = np.repeat(np.arange(4), [10, 10, 10, 30])
+    assert [len(test) for _, test in BlockedSplit(2).split(np.zeros(60), groups=groups)] == [30, 30]
+    long = np.repeat(np.arange(3), [10, 100, 10])  # the middle of none lies in the first or last third: one run each
+    assert [len(test) for _, test in BlockedSplit(3).split(np.zeros(120), groups=long)] == [10, 100, 10]
 
 
 @pytest.mark.parametrize("seed", range(3))

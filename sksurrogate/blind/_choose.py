@@ -109,7 +109,7 @@ def make_setting(rng: np.random.Generator, plant: PlantSpec, runs: Any, arm: str
     if not (np.isfinite(nominal.outputs).all() and plant.holds(nominal.states)):
         return None
     scale = nominal.outputs.reshape(-1, len(plant.outputs)).std(axis=0)
-    if np.any(scale <= 1e-9 * (np.abs(nominal.outputs).max() + 1e-12)):
+    if np.any(scale <= 1e-9 * np.abs(nominal.outputs).max()):
         return None
     setting = Setting(plant, outputs, excitation, U, X0, noise, nominal, scale, repeats=repeats)
     if excitation == "closed_loop":

@@ -196,16 +196,19 @@ def _take(values: Any, rows: np.ndarray) -> Any:
 
 
 def _scale(errors: list[np.ndarray], calibrating: list[np.ndarray]) -> np.ndarray:
-    """Root mean square error by step, smoothed over a tenth of the run, as long as the longest calibration run."""
+    """Root mean square error by step, smoothed over a tenth of the run (in short ones over a step and its neighbours).
+
+    It is as long as the longest calibration run.
+    """
     n = max(len(error) for error in calibrating)
-    total, count = np.zeros((n, errors[0].shape[1])), np.zeros((n, 1))
+    total, count = np.zeros((n, errors[0].shape[1])), np.zeros(n)
     for error in errors:
         known = np.isfinite(error[:n])
         total[: len(known)] += np.where(known, error[:n], 0.0) ** 2
-        count[: len(known)] += known[:, :1]
+        count[: len(known)] += known[:, 0]
     window = np.ones(max(3, n // 10))
     smooth = np.stack([np.convolve(column, window, mode="same") for column in total.T], axis=1)
-    counts = np.convolve(count[:, 0], window, mode="same")[:, None]
+    counts = np.convolve(count, window, mode="same")[:, None]
     overall = np.sqrt(total.sum(axis=0) / max(count.sum(), 1.0))
     scale = np.where(counts > 0, np.sqrt(smooth / np.maximum(counts, 1e-12)), overall)
     return np.maximum(scale, 0.1 * overall + 1e-12)

@@ -78,16 +78,10 @@ class FreeRunScorer(_MetadataRequester):
         for run in runs:
             assert run.y is not None
             rows = slice(run.start + skip - needed, run.stop)
-            labels = (
-                None
-                if getattr(estimator, "run", None) is not None and groups is None
-                else np.zeros(rows.stop - rows.start)
-            )
             part = X.iloc[rows] if hasattr(X, "iloc") else X[rows]
+            labels = np.zeros(rows.stop - rows.start)  # one run, whatever a run column says
             free = estimator.predict(part, y0=run.y[skip - needed : skip], groups=labels)
-            parts.append(
-                (run.y[skip:], np.asarray(free).reshape(len(labels if labels is not None else free), -1)[needed:])
-            )
+            parts.append((run.y[skip:], np.asarray(free).reshape(len(labels), -1)[needed:]))
         truth, found = (np.concatenate(side) for side in zip(*parts))
         if self.metric == "r2":
             return float(r2_score(truth, found))
