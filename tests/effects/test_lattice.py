@@ -55,6 +55,8 @@ def test_steps_that_would_show_in_the_readings_are_no_other_starts():
     quantization, rest = CATALOGUE["sensor_quantization"](), (1.0, 0.1, 200.0, np.array([0]))
     steps = [np.array(quantization.starts(Probe(None, y, *rest, noise=noise)))[:, 0] for noise in (0.0, 0.01)]
     assert set(steps[1]) < set(steps[0])
+    of_large = np.array(quantization.starts(Probe(None, 1000.0 * y, *rest)))[:, 0]
+    np.testing.assert_allclose(of_large, 1000.0 * steps[0])  # all of them where the noise is not known
     assert all(step <= 0.08 or step >= np.ptp(y) / 1.7 for step in steps[1])
     assert np.any(steps[1] < 0.08) and np.any(steps[1] > np.ptp(y) / 1.7)
 

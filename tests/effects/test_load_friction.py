@@ -46,6 +46,14 @@ def test_it_is_not_asked_where_nothing_tells_it_from_simpler_forms(v, load):
     assert len(FRICTION("torque", "v").starts(moving)) == 2
 
 
+def test_all_starts_are_as_large_at_the_load_as_it_usually_is():
+    v, load = np.array([1.0, -2.0, 3.0, -1.0]), np.array([1.0, -2.0, 0.5, 3.0])
+    friction, usual = FRICTION("torque", "v"), np.sqrt(np.mean(load**2))
+    starts = friction.starts(Probe(v, load, 2.0, 0.1, 0.4, np.array([0])))
+    # a tenth of the derivative, as a friction without a load
+    np.testing.assert_allclose([friction.jump(theta, usual) for theta in starts], 0.2)
+
+
 def test_a_simulator_with_it_is_one_whose_equations_have_it():
     friction = AugmentedSimulator(joint(), [FRICTION("torque", "v")], [{"coefficient": 0.2, "level": 0.15}])
     rng = np.random.default_rng(0)

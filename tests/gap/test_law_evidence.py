@@ -6,7 +6,7 @@ from scipy.integrate import quad
 from scipy.stats import multivariate_normal, norm
 
 from sksurrogate.gap import GapDiagnoser
-from sksurrogate.gap.unnamed._amplitude import amplitude_evidence, known_to_rounding, prior_roots
+from sksurrogate.gap.unnamed._amplitude import KNOWN_TO, amplitude_evidence, known_to_rounding, prior_roots
 from sksurrogate.physics import ODESimulator
 
 
@@ -40,6 +40,14 @@ def test_a_gram_whose_products_are_differences_of_larger_numbers_tells_nothing()
     assert known_to_rounding(G) and known_to_rounding(1e6 * G)
     G[0, 1:3] = G[1:3, 0] = G[0, 1:3] + 1e-3 * np.sqrt(G[0, 0])  # what rounding would do
     assert known_to_rounding(G) and not known_to_rounding(1e6 * G)
+
+
+@pytest.mark.parametrize(("nats", "holds"), [(0.8, True), (1.2, False)])
+def test_rounding_may_move_the_power_that_is_explained_by_half_of_the_nats_that_count(nats, holds):
+    """Of one regressor, correlated by 1 + e: it would explain e more than all of the residual, half of that in nats."""
+    e = 1e-3
+    G = np.array([[1.0, 1.0 + e], [1.0 + e, 1.0]])
+    assert known_to_rounding(2.0 * nats * KNOWN_TO / e * G) == holds
 
 
 def test_no_direction_explains_more_than_the_residual_holds():

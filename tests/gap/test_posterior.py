@@ -9,8 +9,10 @@ import pytest
 
 from sksurrogate.effects import CATALOGUE
 from sksurrogate.gap import GapDiagnoser
+from sksurrogate.gap.decide import _posterior
 from sksurrogate.gap.decide._contenders import Contender, log_prior, preferred
-from sksurrogate.gap.decide._posterior import Posterior, _of_classes
+from sksurrogate.gap.decide._posterior import Posterior, _of_classes, law_left_beside
+from sksurrogate.gap.fit._evidence import CERTAIN
 from sksurrogate.physics import ODESimulator
 
 
@@ -149,3 +151,32 @@ def test_an_exact_name_does_not_fall_to_another_form_far_from_the_data_with_a_la
     report = diagnoser.fit(X, y, groups=np.repeat(np.arange(4), 300)).report_
     assert report.verdict == "explained" and [e.name for e in report.effects] == ["power_law"]
     assert report.effects[0].params["exponent"] == pytest.approx(1.85, abs=0.02)
+
+
+@pytest.mark.parametrize(
+    ("measured", "free", "counts"),
+    [
+        (None, None, None),
+        (0.5, 2.0, "measured"),  # not certain: the free run is not asked
+        (2.0, 3.0, "measured"),
+        (2.0, None, "measured"),
+        (2.0, 0.5, "free"),  # a law of the disturbance, which the free run does not hold
+    ],
+)
+def test_a_law_that_is_certain_along_the_measured_path_must_be_so_along_the_free_run(
+    measured, free, counts, monkeypatch
+):
+    gains, asked = {"measured": measured, "free": free}, []
+
+    def law_along(search, question):
+        asked.append("free" if question.path is None else "measured")
+        gain = gains[asked[-1]]
+        return None if gain is None else SimpleNamespace(left=SimpleNamespace(gain=gain * CERTAIN, path=asked[-1]))
+
+    monkeypatch.setattr(_posterior, "law_along", law_along)
+    problem = SimpleNamespace(plant=SimpleNamespace(states=["x"]), quiet=lambda noise: noise)
+    null = SimpleNamespace(candidate=SimpleNamespace(problem=problem), noise=None)
+    search = SimpleNamespace(fitted_null=null, x=np.zeros((2, 5)))
+    found = law_left_beside(search, SimpleNamespace(effects=()))
+    assert (found and found.path) == counts
+    assert asked == (["measured", "free"] if measured and measured > 1.0 else ["measured"])

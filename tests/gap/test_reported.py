@@ -29,6 +29,13 @@ def test_a_fault_of_an_unlabelled_record_names_no_run(runs, said):
     assert fault.what == f"1 spike of up to 0.5 {said}"
 
 
+def test_runs_with_offsets_of_their_own_are_said_to_have_up_to_the_largest():
+    one, two = (
+        DataFault("offset", "y", "output", tuple(v), (), 0.5, values=v) for v in ({"a": 0.5}, {"a": 0.5, "b": 0.2})
+    )
+    assert one.what == "an offset of 0.5 in run 'a'" and two.what.startswith("an offset of up to 0.5 in run")
+
+
 def test_a_table_is_printed_in_columns():
     table = Table(
         ({"name": "friction", "size": 0.12345678, "seen": None}, {"name": "lag", "size": 2.0, "seen": (1, 2)})

@@ -1,6 +1,7 @@
 """The shape of a missing term through known dynamics, laws of several terms, rules of regions and moments, closed loops."""
 
 from itertools import combinations
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from sksurrogate.gap.fit._linear_model import LinearModel
 from sksurrogate.gap.fit._linear_surrogate import learn
 from sksurrogate.gap.unnamed import _term_library
 from sksurrogate.gap.unnamed._channel import Channel
-from sksurrogate.gap.unnamed._drivers import Drivers
+from sksurrogate.gap.unnamed._drivers import Drivers, drivers_at
 from sksurrogate.gap.unnamed._families import FAMILIES, factors_of
 from sksurrogate.gap.unnamed._formula_beam import Beam
 from sksurrogate.gap.unnamed._formula_regression import Draft, Regression
@@ -115,6 +116,34 @@ def test_a_law_of_states_at_an_input_is_one_at_its_port_and_one_of_inputs_is_alo
     along, at_port = (drivers.effect([term], np.array([0.1]), False) for term in square)
     assert (along.kind, along.variable) == ("input", None)
     assert isinstance(at_port, LawEffect) and (at_port.location, at_port.variable) == ("u", "v")
+
+
+@pytest.mark.parametrize(
+    ("names", "allowed"),
+    [
+        (("v", "x", "u"), True),
+        (("lag(v)#0",), True),
+        (("lag(v)#0", "v"), True),  # the past of a signal beside the signal
+        (("lag(v)#0", "v", "t"), True),
+        (("lag(v)#0", "x"), False),
+        (("lag(v)#0", "v", "x"), False),
+        (("lag(v)#0", "lag(v)#1"), False),
+    ],
+)
+def test_a_law_of_a_recent_past_holds_no_other_signal_than_its_own(names, allowed):
+    drivers = Drivers("x", "state", {}, {"lag(v)#0": 0.3, "lag(v)#1": 1.0})
+    assert (
+        drivers.allows([Term(((("after" if name == "t" else "square"), name, 0.0, 0.0),)) for name in names]) == allowed
+    )
+
+
+@pytest.mark.parametrize(("hold", "at_the_end"), [("zoh", [1.0, 2.0, 3.0]), ("linear", [2.0, 3.0, 3.0])])
+def test_a_held_input_is_the_same_at_the_end_of_a_sample_and_one_that_moves_is_the_next(hold, at_the_end):
+    record = Record.from_runs([np.array([[1.0], [2.0], [3.0]])], [np.zeros((3, 1))], [np.arange(3.0)], 1.0)
+    plant = SimpleNamespace(states=["v"], inputs=["u"], outputs=["v"], hold=hold)
+    place = SimpleNamespace(record=record, location="k", kind="parameter", x=np.array([[4.0, 5.0, 6.0]]), n_moved=1)
+    found = drivers_at(SimpleNamespace(problem=SimpleNamespace(plant=plant), fit=None), place, ())
+    assert found.ends["u"].tolist() == at_the_end and found.ends["v"].tolist() == [5.0, 6.0, 6.0]
 
 
 @pytest.mark.parametrize("form", SHAPES)

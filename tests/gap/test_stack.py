@@ -7,6 +7,7 @@ import pytest
 
 from sksurrogate.effects import CATALOGUE
 from sksurrogate.effects._formula import Term
+from sksurrogate.gap import _law_stage
 from sksurrogate.gap._law_stage import LawStage
 from sksurrogate.gap.decide._law_certificate import takes_the_place
 from sksurrogate.gap.decide._rules import DecisionFeatures, first_rule
@@ -112,6 +113,17 @@ def test_three_names_that_leave_a_law_are_withdrawn_and_of_fewer_one_law_may_tak
     assert bool(said) is (rule == "imitations")
     assert not said or "effect_0, effect_1, effect_2 passed" in said[0]
     assert asked == [null if base == "null" else final for base in bases]
+
+
+@pytest.mark.parametrize(("verdict", "sought"), [("partial", ["null", "names"]), ("explained", ["null"])])
+def test_the_law_that_standing_names_leave_is_sought_where_they_leave_one(verdict, sought, monkeypatch):
+    monkeypatch.setattr(_law_stage, "takes_the_place", lambda *given: False)
+    asked, left = [], SimpleNamespace(law=object())
+    stage = LawStage.__new__(LawStage)
+    stage.search = SimpleNamespace(standing="names", fitted_null="null")
+    stage.access = SimpleNamespace(law_beside=lambda base, final, held: asked.append(base) or left)
+    assert stage.law_in_place_of_names(None, verdict) == (None, left if verdict == "partial" else None)
+    assert asked == sought
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,7 @@
 import numpy as np
 
 from sksurrogate.gap.decide._estimates import when_they_part
-from sksurrogate.gap.decide._experiment import suggestion, variations
+from sksurrogate.gap.decide._experiment import leaves_the_range, suggestion, variations
 from sksurrogate.kernels.record import Record
 
 
@@ -78,3 +78,11 @@ def test_inputs_that_could_be_applied_are_what_their_names_say():
         np.testing.assert_array_equal(only[i], u[i])
         np.testing.assert_allclose(only[1 - i], mean[1 - i])
     assert not varied and len(variations(record, ["force"])) == 7
+
+
+def test_rounding_at_either_end_does_not_leave_the_range_and_a_thousandth_does():
+    recorded = np.array([[-2.0, 1.0, 3.0]])
+    for low, high in ((-2.0, 3.0), (-2.0 - 1e-12, 3.0), (-2.0, 3.0 + 1e-12)):
+        assert not leaves_the_range(np.array([[low, high]]), recorded)
+    for low, high in ((-2.005, 3.0), (-2.0, 3.005)):
+        assert leaves_the_range(np.array([[low, high]]), recorded)

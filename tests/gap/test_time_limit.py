@@ -138,7 +138,7 @@ def test_the_clock_stops_once():
 
 def test_progress_tells_share_and_rest(monkeypatch):
     shown = []
-    now = iter([0.0, 10.0, 20.0, 30.0])
+    now = iter([100.0, 110.0, 120.0, 130.0])
     monkeypatch.setattr(_progress, "time", SimpleNamespace(perf_counter=lambda: next(now)))
     progress = Progress(lambda *what: shown.append(what), time_limit=32.0)
     progress.stage(0.5)
@@ -147,6 +147,11 @@ def test_progress_tells_share_and_rest(monkeypatch):
     progress.stage(0.5)
     progress.say("third")
     assert shown == [("first", 0.0, None), ("second", 0.25, 12.0), ("third", 0.5, 2.0)]
+
+
+def test_stages_end_one_after_the_other_within_a_time_limit():
+    ends = [stage.until for stage in _pipeline.STAGES if stage.share > 0.0 and np.isfinite(stage.until)]
+    assert len(ends) > 5 and np.all(np.diff([0.0, *ends, 1.0]) >= 0.0)
 
 
 class Terminal(io.StringIO):

@@ -1,10 +1,14 @@
 """A plant that is pushed by a large disturbance: the effect is named all the same, and what no candidate follows is said to be a disturbance."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from sksurrogate.gap import GapDiagnoser
+from sksurrogate.gap._progress import Progress
 from sksurrogate.gap.fit._backend import Backend
+from sksurrogate.gap.rounds import _under_disturbance
 from sksurrogate.physics import ODESimulator
 
 DT, RUNS, SAMPLES, NOISE = 0.05, 5, 200, 0.01
@@ -75,3 +79,24 @@ def test_what_counts_as_noise_is_more_where_a_disturbance_is_known(disturbance, 
 
     Known.record.disturbance = disturbance
     assert Backend.largest_disturbance.fget(Known) == pytest.approx(share)
+
+
+@pytest.mark.parametrize(
+    ("verdict", "complete", "after", "asked"),
+    [
+        ("unknown", True, 0.5, True),
+        ("partial", True, 0.5, True),
+        ("explained", True, 0.5, False),
+        ("unknown", False, 0.5, False),  # cut off: there is no time for a second one
+        ("unknown", True, 1e-3, False),  # counts as noise anyway
+    ],
+)
+def test_only_a_whole_diagnosis_that_leaves_much_unexplained_looks_for_a_disturbance(
+    verdict, complete, after, asked, monkeypatch
+):
+    looked = []
+    monkeypatch.setattr(_under_disturbance, "disturbance_left", looked.append)
+    report = SimpleNamespace(verdict=verdict, complete=complete, shrink=SimpleNamespace(after=after, after_law=np.nan))
+    first = SimpleNamespace(time_limit=None), report
+    assert _under_disturbance.under_disturbance(None, None, None, first, Progress(None, None)) is None
+    assert bool(looked) is asked

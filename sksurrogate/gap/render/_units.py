@@ -51,6 +51,8 @@ def range_text(rule: str, units: Mapping[str, str]) -> str:
 
     >>> range_text("speed <= 0.3 and force > 2", {"speed": "m/s"})
     'speed <= 0.3 m/s and force > 2'
+    >>> range_text("speed of the motor <= 0.3", {"speed of the motor": "m/s"})
+    'speed of the motor <= 0.3 m/s'
     """
     parts = rule.split(" and ")
     return " and ".join(with_unit(part, units.get(part.rsplit(" ", 2)[0], "")) for part in parts)
