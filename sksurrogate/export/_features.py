@@ -174,7 +174,7 @@ def _power(graph: Graph, x: int, p: int) -> int:
 def _cardinal(graph: Graph, p: int, z: int) -> int:
     """The cardinal spline of degree p and height 1, as a sum of truncated powers."""
     half, total = 0.5 * (p + 1), -1
-    height = sum((-1) ** k * comb(p + 1, k) * (half - k) ** p for k in range(p + 2) if k < half)
+    height = sum((-1) ** k * comb(p + 1, k) * (half - k) ** p for k in range((p + 2) // 2))  # k < half
     for k in range(p + 2):
         ramp = graph.unary("relu", graph.binary("add", z, graph.constant(half - k)))
         part = graph.binary("mul", _power(graph, ramp, p), graph.constant((-1) ** k * comb(p + 1, k) / height))

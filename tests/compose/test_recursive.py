@@ -309,6 +309,7 @@ def test_stability_report_of_a_linear_model_is_its_spectral_radius():
     wanted = np.abs(np.roots([1, -1.2, 0.5])).max()
     np.testing.assert_allclose(np.concatenate(report.radius), wanted, atol=1e-6)
     assert report.contracts and report.rate[0] == pytest.approx(wanted, rel=0.02) and "forget" in str(report)
+    assert f"at most {wanted:.4g}" in str(report)
     model.estimator_.coef_ = np.array([1.0, 0.01, 1.0, 0.3])
     grown = model.stability_report(X[:30], groups=groups[:30])
     assert not grown.contracts and "do not forget" in str(grown) and grown.memory[0] == np.inf

@@ -168,6 +168,17 @@ def leaky_plant(gain=1.0):
     return StepSimulator(leaky, states=["x"], inputs=["u"], outputs=["x"], params={"gain": gain}, dt=0.02)
 
 
+def test_a_map_without_a_sample_time_counts_steps():
+    class Leak:
+        states, inputs, outputs, params = ["x"], ["u"], ["x"], {"gain": 1.0}
+
+        def step(self, t, x, u, p, dt):
+            return leaky(t, x, u, p, dt)
+
+    plain = StepSimulator(leaky, states=["x"], inputs=["u"], outputs=["x"], params={"gain": 1.0})
+    assert to_graph(Leak()).dt == to_graph(plain).dt == 1.0 and to_graph(leaky_plant()).dt == 0.02
+
+
 @pytest.mark.parametrize("form", ["output", "static", "series"])
 @pytest.mark.parametrize("given", [False, True])
 def test_a_hybrid_on_a_step_function_runs_freely_as_predict(form, given):

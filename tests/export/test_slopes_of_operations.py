@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sksurrogate.export._graph import BINARY, UNARY
+from sksurrogate.export._graph import BINARY, UNARY, Graph
 
 H = 1e-6
 
@@ -23,3 +23,12 @@ def test_slopes_of_two_arguments_are_those_of_differences(name):
     np.testing.assert_allclose(by_a + 0 * a, (value(a + H, b) - value(a - H, b)) / (2 * H), rtol=1e-7, atol=1e-7)
     if name != "pow":  # powers of a graph are constants
         np.testing.assert_allclose(by_b + 0 * b, (value(a, b + H) - value(a, b - H)) / (2 * H), rtol=1e-7, atol=1e-7)
+
+
+def test_the_slope_of_a_choice_is_that_of_what_is_chosen():
+    graph = Graph()
+    x = graph.input("x", 1)
+    inside = graph.binary("ge", x, graph.constant(0.0))
+    graph.outputs["y"] = graph.choose(inside, graph.unary("sin", x), graph.unary("exp", x))
+    assert graph.jacobian(x=[0.5])["y", "x"].item() == np.cos(0.5)
+    assert graph.jacobian(x=[-0.5])["y", "x"].item() == np.exp(-0.5)

@@ -11,6 +11,8 @@ from sklearn.utils.estimator_checks import parametrize_with_checks
 
 from sksurrogate.exceptions import DataError, RunError
 from sksurrogate.features import LagEmbedding
+from sksurrogate.features._lag import _whole
+from sksurrogate.runs import resolve_runs
 
 TIME_AWARE = {
     "check_methods_sample_order_invariance": "rows are in time order: a lag is a row earlier in the same run",
@@ -100,6 +102,16 @@ def test_large_matrices_in_blocks_and_threads(monkeypatch, fill):
                 quick = LagEmbedding(lags, fill=fill).fit_transform(X, groups=groups)
                 np.testing.assert_array_equal(quick, slow)
     assert LagEmbedding([5]).fit_transform(X)[5:, 0] == pytest.approx(X[:-5, 0])
+
+
+def test_one_run_between_rows_left_out_is_as_it_is_alone_and_rows_of_one_array_are_not_copied():
+    X = np.random.default_rng(0).normal(size=(50, 2))
+    groups = np.r_[np.full(4, -1), np.zeros(40), np.full(6, -1)]
+    found = LagEmbedding([0, 1, 7]).fit_transform(X, groups=groups)
+    np.testing.assert_array_equal(found[4:44], LagEmbedding([0, 1, 7]).fit_transform(X[4:44]))
+    assert np.isnan(found[:4]).all() and np.isnan(found[44:]).all()
+    for labels in (None, groups, np.repeat([0, 1], 25)):
+        assert np.shares_memory(_whole(resolve_runs(X, groups=labels)), X)
 
 
 @pytest.mark.parametrize("fill", ["edge", "nan", 3.5])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sksurrogate.exceptions import DataError
-from sksurrogate.neural import FNNRegressor
+from sksurrogate.neural import FNNRegressor, _evidence
 
 
 def curve(n, noise, seed):
@@ -54,6 +54,24 @@ def test_linear_networks_two_outputs_and_weights():
     one = FNNRegressor((), alpha="evidence").fit(X, Y, sample_weight=np.full(80, 2.0))
     two = FNNRegressor((), alpha="evidence").fit(np.r_[X, X], np.r_[Y, Y])
     np.testing.assert_allclose(one.coefs_[0], two.coefs_[0], rtol=1e-6)
+
+
+def test_the_steps_of_all_rounds_count(monkeypatch):
+    outcomes = []
+
+    def kept(function):
+        def counted(*given, **more):
+            found = function(*given, **more)
+            outcomes.append(getattr(found, "outcome", found))
+            return found
+
+        return counted
+
+    for name in ("train", "train_least_squares"):
+        monkeypatch.setattr(_evidence, name, kept(getattr(_evidence, name)))
+    model = FNNRegressor((8,), alpha="evidence", random_state=0).fit(*curve(40, 0.3, 0))
+    assert len(outcomes) > 1 and model.n_iter_ == sum(one.n_iter for one in outcomes)
+    assert model.loss_curve_ == [loss for one in outcomes for loss in one.curve]
 
 
 def test_what_has_no_hessian_says_so():

@@ -9,6 +9,7 @@ from sksurrogate.neural._network import draw_layers
 from sksurrogate.neural._problems import Rows, Smoothness, squares
 from sksurrogate.neural._settings import BATCH, MANY_ROWS, epochs_of, read_batch
 from sksurrogate.neural._torch import build_net
+from sksurrogate.neural._training import choose
 
 rng = np.random.default_rng(0)
 X = rng.normal(size=(60, 2)) * [1.0, 20.0] + [3.0, -5.0]
@@ -189,3 +190,13 @@ def test_the_loss_of_a_linear_net_is_what_it_minimises():
     t = (y - y.mean()) / y.std()
     theta = np.linalg.solve(z.T @ z / 60 + alpha * np.eye(2), z.T @ t / 60)
     assert net.loss_curve_[-1] == pytest.approx(np.mean((t - z @ theta) ** 2) + alpha * np.sum(theta**2))
+
+
+@pytest.mark.parametrize(
+    ("hidden", "n_weights"), [((99,), 298), ((100,), 301), ((), 2), ((15, 15), 286), ((16, 15), 303)]
+)
+def test_up_to_300_weights_and_constants_are_fitted_by_levenberg_and_marquardt(hidden, n_weights):
+    sizes = (1, *hidden, 1)
+    layers = draw_layers(sizes, ("tanh",) * len(hidden) + ("identity",), rng)
+    assert sum(part.size for part in [*layers.weights, *layers.biases]) == n_weights
+    assert (choose("auto", sizes, 100) == "lm") is (n_weights <= 300)
