@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from sksurrogate.compose import RecursivePredictor, StateSpaceRegressor
 from sksurrogate.exceptions import DataError
 from sksurrogate.features import FourierFeatures, GaussianFeatures, HeavisideFeatures, SplineFeatures
 from sksurrogate.linear import NonlinearBasisRegressor, PCRRegressor, PenalizedRegressor
@@ -47,6 +48,23 @@ def test_text_is_named_by_its_place(model):
     X = np.array([["1.0", "2.0"], ["3.0", "cold"], ["5.0", "6.0"]], dtype=object)
     with pytest.raises(DataError, match="X holds 'cold', which is not a number: row 1, column 1"):
         model.fit(X, [1.0, 2.0, 3.0])
+
+
+@pytest.mark.parametrize(
+    "model",
+    [RecursivePredictor(PCRRegressor(), 1, 1), StateSpaceRegressor(1, max_iter=2)],
+    ids=lambda model: type(model).__name__,
+)
+def test_a_free_run_on_numbers_of_any_kind_is_that_on_floats_and_text_and_complex_ones_are_refused(model):
+    X = np.random.default_rng(0).integers(-3, 4, size=(40, 1))
+    model.fit(X.astype(float), np.convolve(X[:, 0], [0.0, 1.0, 0.5])[:40])
+    free = model.predict(X.astype(float))
+    for kind in (int, np.float32, object):
+        np.testing.assert_array_equal(model.predict(X.astype(kind)), free)
+    with pytest.raises(ValueError, match="Complex data not supported"):
+        model.predict(X + 1.0j)
+    with pytest.raises(DataError, match="X holds numbers written as text"):
+        model.predict(X.astype(str))
 
 
 @pytest.mark.parametrize("model", MODELS[4:], ids=lambda model: type(model).__name__)

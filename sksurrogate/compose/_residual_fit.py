@@ -34,7 +34,7 @@ def cut(known: Sequence[np.ndarray], target: Sequence[np.ndarray], n_lags: int, 
         for start in range(0, max(len(k) - n_lags, 1), length - n_lags):
             if len(k) - start > n_lags or not start:
                 pieces.append((k[start : start + length], y[start : start + length]))
-    stride = max(1, int(np.ceil(len(pieces) * (length - n_lags) / max(most_rows, 1))))
+    stride = max(1, int(np.ceil(len(pieces) * (length - n_lags) / most_rows)))
     pieces = pieces[::stride]
     known_out = np.zeros((length, len(pieces), known[0].shape[1]))
     target_out = np.full((length, len(pieces), target[0].shape[1]), np.nan)

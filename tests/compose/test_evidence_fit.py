@@ -116,6 +116,15 @@ def test_the_way_down_goes_on_while_the_loss_falls(monkeypatch):
     assert 0.0 < excess < 20.0 < 0.1 * (loss.value(start, loss.run(start)) - least) / found.evidence.noise
 
 
+def test_the_first_penalty_does_not_hang_on_the_guess_except_of_a_model_that_runs_away():
+    U, _, y, _ = planted(noise=0.3)
+    loss = FreeRunLoss(U, y, 2, 1e-3)
+    found = [shooting_evidence.first_penalty(loss, affine(0.6), guess, 50) for guess in (1e-4, 1e2)]
+    assert found[0] == pytest.approx(found[1], rel=1e-6)
+    with np.errstate(all="ignore"):
+        assert shooting_evidence.first_penalty(loss, affine(1e10), 0.7) == 0.7
+
+
 def test_what_leaves_grows_or_does_not_forget_is_refused():
     rng = np.random.RandomState(0)
     U = rng.normal(size=(5, 80, 1))

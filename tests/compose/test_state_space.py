@@ -93,6 +93,16 @@ def test_the_subspace_start_is_exact_without_noise():
     )
 
 
+def test_sixteen_rows_without_noise_are_enough_for_a_state():
+    """So few that a past of one row more than there are states is the longest that can be projected on."""
+    X, y, x = np.random.default_rng(0).normal(size=(16, 1)), np.empty(16), 2.0
+    for t in range(16):
+        y[t], x = x, -0.6 * x + X[t, 0]
+    assert subspace([X], [y[:, None]], 1, 2, False) is not None and subspace([X], [y[:, None]], 1, 3, False) is None
+    model = StateSpaceRegressor(1, refine=False).fit(X, y)
+    np.testing.assert_allclose(model.poles_, [-0.6], atol=1e-6)
+
+
 def test_a_planted_system_is_found_and_run_freely():
     X, y, groups, A = planted(offset=7.0)
     model = StateSpaceRegressor(2).fit(X, y, groups=groups)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scipy.linalg import solve_toeplitz
+from scipy.linalg import solve_toeplitz, toeplitz
 from scipy.signal import lfilter
 
 from sksurrogate.physics._memory import _coefficients, _continued, _correlations, _durbin, _restricted, memory
@@ -82,3 +82,14 @@ def test_white_noise_has_none():
     assert count <= 4
     assert memory([np.zeros(100)], [X[:100]], [np.zeros((100, 0))]) is None
     assert memory([rng.normal(size=10)], [X[:10]], [np.zeros((10, 0))]) is None
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_of_a_rigid_fit_there_is_a_memory_where_the_criterion_of_schwarz_says_so(seed):
+    """Correlations of 0.075, near where it decides: by least squares of every order."""
+    n = 2000
+    e = noise([0.075], n, np.random.default_rng(seed))
+    r = np.array([e[lag:] @ e[: n - lag] for lag in range(21)]) / (e @ e)
+    left = [1.0 - r[1 : p + 1] @ np.linalg.solve(toeplitz(r[:p]), r[1 : p + 1]) for p in range(1, 21)]
+    scores = n * np.log(left) + np.log(n) * np.arange(1, 21)
+    assert (memory([e], [np.ones((n, 1))], [np.zeros((n, 0))]) is not None) == (min(scores) < 0)
