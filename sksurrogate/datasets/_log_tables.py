@@ -36,7 +36,10 @@ def read_csv_log(path: Path, asked: Asked) -> Record:
         path, [column[name] for name in signals], column.get(run or ""), column.get(time or ""), gaps
     )
     n = len(next(iter(values.values())))
-    X, y = (np.array([values[column[old]] for old in pairs.values()]).T.reshape(n, -1) for pairs in (inputs, outputs))
+    X, y = (
+        np.array([values[column[old]] for old in pairs.values()]).reshape(len(pairs), n).T
+        for pairs in (inputs, outputs)
+    )
     clock = values[column[time]] if time else None
     return table_record(path.name, X, y, tuple(inputs), tuple(outputs), clock, labels, asked.dt)
 
@@ -50,7 +53,7 @@ def read_npz_log(path: Path, asked: Asked) -> Record:
     outputs = _side(arrays, there, "outputs", asked.outputs, "readings", asked.readings, "y")
     clock, labels = (arrays.column(key) if key else None for key in (time, run))
     n = arrays.length(path.name)
-    X, y = (np.array([*columns.values()], dtype=float).T.reshape(n, -1) for columns in (inputs, outputs))
+    X, y = (np.array([*columns.values()], dtype=float).reshape(len(columns), n).T for columns in (inputs, outputs))
     return table_record(path.name, X, y, tuple(inputs), tuple(outputs), clock, labels, asked.dt)
 
 

@@ -81,7 +81,7 @@ class FreeRunScorer(_MetadataRequester):
             part = X.iloc[rows] if hasattr(X, "iloc") else X[rows]
             labels = np.zeros(rows.stop - rows.start)  # one run, whatever a run column says
             free = estimator.predict(part, y0=run.y[skip - needed : skip], groups=labels)
-            parts.append((run.y[skip:], np.asarray(free).reshape(len(labels), -1)[needed:]))
+            parts.append((run.y[skip:], np.asarray(free)[needed:].reshape(run.y[skip:].shape)))
         truth, found = (np.concatenate(side) for side in zip(*parts))
         if self.metric == "r2":
             return float(r2_score(truth, found))

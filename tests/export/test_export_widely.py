@@ -104,7 +104,7 @@ def test_a_network_whose_weights_nearly_cancel_is_off_by_their_rounding_at_most(
 @EVERYWHERE
 @pytest.mark.parametrize("y", [Y, Y[:, 0]], ids=["two outputs", "one output"])
 @pytest.mark.parametrize(
-    ("basis", "degree"), [("gaussian", 3), ("spline", 1), ("spline", 3), ("knots", 1), ("knots", 3)]
+    ("basis", "degree"), [("gaussian", 3), ("spline", 1), ("spline", 2), ("spline", 3), ("knots", 1), ("knots", 3)]
 )
 def test_free_places_and_widths_equal_predict_everywhere(run, basis, degree, y, tmp_path):
     model = NonlinearBasisRegressor(basis, 3, degree=degree, n_starts=1, max_iter=20, random_state=0).fit(X, y)
