@@ -65,7 +65,7 @@ def _sets(costs, places=None):
     def one(names):
         at = {n: n for n in names} if places is None else places
         kinds = {n: "output" if at[n] == "sensor" else "state" for n in names}
-        effects = tuple(SimpleNamespace(name=n, kind=kinds[n], location=at[n], variable="v") for n in names)
+        effects = tuple(SimpleNamespace(name=n, kind=kinds[n], location=at[n], variable="v", rarity=1.0) for n in names)
         found = SimpleNamespace(effects=effects, fit=SimpleNamespace(cost=costs[names]), left=9.0)
         found.candidate = found
         return found
