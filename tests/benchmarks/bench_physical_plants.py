@@ -15,6 +15,7 @@ import zlib
 
 import numpy as np
 import physical_plants_access  # noqa: F401
+import physical_plants_coast  # noqa: F401
 import physical_plants_fields  # noqa: F401
 import physical_plants_imperfect  # noqa: F401
 import physical_plants_labs  # noqa: F401
