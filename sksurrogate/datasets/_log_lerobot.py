@@ -19,7 +19,7 @@ INFO = Path("meta", "info.json")
 READINGS, COMMANDS = "observation.state", "action"
 EPISODE, FRAME, TIME = "episode_index", "frame_index", "timestamp"
 #: Time in s by which stamps may differ from frames divided by the frame rate: LeRobot's own tolerance.
-TOLERANCE = 1e-4
+STAMP_TOLERANCE = 1e-4
 
 
 def read_lerobot_log(folder: Path, asked: Asked) -> Record:
@@ -42,7 +42,7 @@ def read_lerobot_log(folder: Path, asked: Asked) -> Record:
         columns = columns_by_name(streams, pairs)
         sides.append((tuple(pairs), np.array([*columns.values()], dtype=float).T.reshape(len(table[FRAME]), -1)))
     clock = table[FRAME] / fps
-    if np.max(np.abs(table[TIME] - clock)) > TOLERANCE + np.spacing(np.float32(np.max(clock))):
+    if np.max(np.abs(table[TIME] - clock)) > STAMP_TOLERANCE + np.spacing(np.float32(np.max(clock))):
         clock = table[TIME]  # true stamps in the place of those of the frame rate
     (inputs, X), (outputs, y) = sides
     record = table_record(

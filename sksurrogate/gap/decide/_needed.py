@@ -25,8 +25,9 @@ def needed_only(search: SetSearch[C], final: Evidence[C]) -> Evidence[C]:
 
     A set that leaves more than the noise is not exact: there a small effect may only correct the form of the others. Of two forms
     of one law, and of two curves of one signal at one place, one is enough where it closes the gap up to the tolerance: no form is exact
-    on a real plant. So it is of effects whose magnitudes these data do not show beside each other, and a rare effect is not needed there. What is taken out is compared with the whole set: several effects may be
-    needed where none of them alone is.
+    on a real plant. So it is of effects whose magnitudes these data do not show beside each other, and of rare ones.
+
+    What is taken out is compared with the whole set: several effects may be needed where none of them alone is.
     """
     whole = final.fit.cost
     while (fewer := _without_needless(search, final, whole)) is not None:
@@ -53,8 +54,7 @@ def _without_needless(search: SetSearch[C], final: Evidence[C], whole: float) ->
 
 
 def _of_which_one_is_enough(final: Evidence[C]) -> list[int]:
-    """Positions of the effects that share a law or a curve with another, that are rare, or whose magnitudes these data do not show beside
-    each other.
+    """Positions of the effects that share a law or a curve with another, are rare, or have no magnitude of their own in these data.
 
     A stack of laws in one balance is an expansion of one of them. What has a state, a clock or two signals follows what the forms of others
     leave.

@@ -145,7 +145,7 @@ class OdeSearch(Expander):
         return found
 
     def paired_with_late(self, found: Evidence[OdeCandidate]) -> Evidence[OdeCandidate]:
-        """What stands once effects left for later were paired with all: two names in the place of a stack that leaves more than the noise.
+        """What stands once effects left for later were paired with all: two names in the place of a stack above the noise.
 
         A stack is often an imitation of few effects of which one has not been asked.
         """
