@@ -19,12 +19,10 @@ from sksurrogate.physics import CallableSimulator, ODESimulator
         (("lugre_friction", "v", "v"), 400.0, ["hysteresis"]),
         (("lugre_friction", "v", "v"), 200.0, ["hysteresis", "lugre_friction"]),
         (("linear_loss", "v", "v"), 400.0, ["hysteresis", "linear_loss"]),
-        (("hidden_mode", "w", "w"), 400.0, ["hysteresis"]),
-        (("hidden_mode", "w", "w"), 200.0, ["hysteresis", "hidden_mode"]),
     ],
 )
 def test_of_two_forms_of_one_law_the_nearer_is_enough_within_the_tolerance(monkeypatch, other, tolerated, left):
-    """A loop between two forms of the catalogue is followed to the noise by their sum. A rare effect elsewhere follows what it leaves, too."""
+    """A loop between two forms of the catalogue is followed to the noise by their sum."""
 
     def one(effects, cost):
         return SimpleNamespace(effects=effects, fit=SimpleNamespace(cost=cost), left=1.0)

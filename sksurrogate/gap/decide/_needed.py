@@ -25,7 +25,7 @@ def needed_only(search: SetSearch[C], final: Evidence[C]) -> Evidence[C]:
 
     A set that leaves more than the noise is not exact: there a small effect may only correct the form of the others. Of two forms
     of one law, and of two curves of one signal at one place, one is enough where it closes the gap up to the tolerance: no form is exact
-    on a real plant. So it is of effects whose magnitudes these data do not show beside each other, and of rare ones.
+    on a real plant. So it is of effects whose magnitudes these data do not show beside each other.
 
     What is taken out is compared with the whole set: several effects may be needed where none of them alone is.
     """
@@ -54,17 +54,15 @@ def _without_needless(search: SetSearch[C], final: Evidence[C], whole: float) ->
 
 
 def _of_which_one_is_enough(final: Evidence[C]) -> list[int]:
-    """Positions of the effects that share a law or a curve with another, are rare, or have no magnitude of their own in these data.
+    """Positions of the effects that share a law or a curve with another, or have no magnitude of their own in these data.
 
-    A stack of laws in one balance is an expansion of one of them. What has a state, a clock or two signals follows what the forms of others
-    leave.
+    A stack of laws in one balance is an expansion of one of them.
     """
     pairs = combinations(range(len(final.effects)), 2)
     forms = {i for pair in pairs if _one_of_two(*(final.effects[k] for k in pair)) for i in pair}
     balances = [e.location if e.kind == "state" and e.variable else None for e in final.effects]
     stacked = (i for i, name in enumerate(balances) if name is not None and balances.count(name) >= STACK)
-    rare = (i for i, effect in enumerate(final.effects) if effect.rarity > 1.0)
-    return sorted(forms.union(not_sized_beside_others(final), stacked, rare))
+    return sorted(forms.union(not_sized_beside_others(final), stacked))
 
 
 def _one_of_two(one: BaseEffect, other: BaseEffect) -> bool:
