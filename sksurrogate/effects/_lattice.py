@@ -20,6 +20,9 @@ CLEARER_THAN_CHANCE = 1.2
 #: Steps that the readings must span: fewer are seen in many a smooth signal.
 LATTICE_STEPS_SPANNED = 1.7
 
+#: Parts of the runs in which readings that crowd in a part only are looked for.
+PARTS = 4
+
 #: Steps up to the largest value between which likely ones are sought, bins to the finest one, and bins per cycle at the largest.
 COARSE, FINE, FINEST_BINS, TURN = 20.0, 2000.0, 10, 8
 #: Harmonics of the saw tooth, and steps that are kept in every octave.
@@ -94,6 +97,51 @@ def lattice_steps(readings: np.ndarray) -> list[float]:
     clearness = coherence(readings, steps)
     best = int(np.argmax(clearness))
     return [float(steps[best])] if clearness[best] > max(LEAST, by_chance(readings, steps[best])) else []
+
+
+def lattice_window(readings: np.ndarray, ages: np.ndarray) -> tuple[float, int, int] | None:
+    """The step that readings crowd at in a part of their runs only, and that part.
+
+    ``readings`` (n_samples,): of all runs, not nan.
+    ``ages`` int (n_samples,): samples since the first row of the run.
+    Returns (step, first, last) or None: from the age ``first`` until before the age ``last`` readings crowd at multiples of the
+        step, before and after it they do no more than by chance; None where they do nowhere, or everywhere.
+
+    >>> import numpy as np
+    >>> ages = np.tile(np.arange(500), 4)
+    >>> y = 20.0 + np.cumsum(np.random.default_rng(0).normal(size=2000)) / 30
+    >>> step, first, last = lattice_window(np.where(ages < 300, y, 0.25 * np.round(y / 0.25)), ages)
+    >>> bool(abs(step - 0.25) < 1e-4), abs(first - 300) <= 1, last
+    (True, True, 500)
+    >>> lattice_window(0.25 * np.round(y / 0.25), ages)
+    """
+    longest = int(ages.max(initial=0)) + 1
+    edges = np.linspace(0, longest, PARTS + 1).astype(int)
+    found: list[tuple[float, float]] = []
+    for a, b in zip(edges[:-1], edges[1:]):
+        own = readings[(ages >= a) & (ages < b)]
+        found.extend((float(coherence(own, np.array([step]))[0]), step) for step in lattice_steps(own))
+    if not found:
+        return None
+    clearest, step = max(found)
+    turn = np.cos(2 * np.pi * readings / step)
+    first, last = _fullest(np.bincount(ages, turn - clearest / 2, minlength=longest))
+    inside = (ages >= first) & (ages < last)
+    outside = readings[~inside]
+    everywhere = len(outside) < 2 or np.mean(turn[~inside]) > max(LEAST, float(by_chance(outside, np.array(step))))
+    return None if everywhere or not shows_steps(readings[inside], step)[0] else (float(step), first, last)
+
+
+def _fullest(values: np.ndarray) -> tuple[int, int]:
+    """First and last place, the last not within it, between which values have the largest sum.
+
+    >>> _fullest(np.array([-1.0, 2.0, -0.5, 3.0, -4.0, 1.0]))
+    (1, 4)
+    """
+    total = np.r_[0.0, np.cumsum(values)]
+    least = np.minimum.accumulate(total)
+    last = int(np.argmax(total - least))
+    return int(np.argmin(total[: last + 1])), last
 
 
 def top_of(readings: np.ndarray, step: float, span: float) -> float:

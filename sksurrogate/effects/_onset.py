@@ -234,6 +234,10 @@ class _StartingSensor(Starting, SensorEffect):
         readings: np.ndarray | None = None,
     ) -> np.ndarray:
         """The same in a fit: the edges of the window are spread over a sample."""
+        if readings is not None:
+            readings = np.where(
+                self.within(t, theta, 0.0) > 0.5, readings, np.nan
+            )  # what is read outside shows nothing of it
         plain = self.always(**self.get_params(deep=False)).soft(y, v, t, self.own(theta), width, readings)  # type: ignore[attr-defined]
         step = float(np.median(np.diff(t))) if len(t) > 1 else 0.0
         return np.asarray(self._blend(y, plain, t, theta, step))

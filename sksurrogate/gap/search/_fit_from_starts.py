@@ -104,6 +104,15 @@ def fit_last(
     return soft and soft.resumed(problem, max_steps=12)
 
 
+def fit_given(
+    base: OdeCandidate, given: Sequence[tuple[BaseEffect, np.ndarray]], named: OdeCandidate
+) -> list[OdeCandidate]:
+    """A base with each of some effects, fitted from given values along the free run of a ``named`` set; without those that run away."""
+    x = named.fit.x[: base.model.n_nominal]
+    tries = [named.problem.fit((*base.effects, one), base.theta_with(theta), x, open_steps=0) for one, theta in given]
+    return [candidate for candidate in tries if candidate is not None]
+
+
 def fit_part(problem: OdeBackend, base: OdeCandidate, law: AnyLaw, values: np.ndarray) -> OdeCandidate | None:
     """Fit a law on top of a base from a part of its coefficients, along the run of the base: from so small a part that it starts no worse."""
     own, n = base.fit.x[: base.model.n_nominal], len(law.terms)

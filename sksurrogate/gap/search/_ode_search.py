@@ -24,6 +24,7 @@ from sksurrogate.gap.search._expander import SEARCH_SHARPNESS, SEARCH_SUBSTEPS, 
 from sksurrogate.gap.search._fit_from_starts import (
     best_starts,
     cheapest,
+    fit_given,
     fit_last,
     fit_part,
     mean_start,
@@ -37,6 +38,7 @@ from sksurrogate.gap.search._related_forms import simplify
 from sksurrogate.gap.search._restart import line_searched
 from sksurrogate.gap.search._set_search import COMES_BACK
 from sksurrogate.gap.search._stopping import is_stack
+from sksurrogate.gap.search._windowed_grids import look_for_windowed_grids
 
 #: Candidates fitted from where the others stand, with one effect of what stands taken out.
 MOST_ANEW = 6
@@ -224,6 +226,7 @@ class OdeSearch(Expander):
         return best
 
     def look_for_onsets(self) -> None:
+        look_for_windowed_grids(self)
         look_for_onsets(self)
 
     # ---- what could stand in the place of a name --------------------------------------------------------------------
@@ -252,9 +255,8 @@ class OdeSearch(Expander):
         known = [one for one in self.fitted.values() if one.keys[:-1] == base.keys]
         candidates.extend(one for one in known if self.plausible(one))
         if self.first_screen is not None:
-            candidates.extend(
-                self.with_onset(base, twins_with_onset(self.first_screen, final.effects[i], named.theta_of(i)), named)
-            )
+            twins = twins_with_onset(self.first_screen, final.effects[i], named.theta_of(i))
+            candidates.extend(fit_given(base, twins, named))
         if not few and (not single or self.problem.free):
             rest = named.taken_out(i)  # the others and the free parameters, fitted again alone, may have run away
             candidates.extend([] if rest is None else self.anew(rest, final.noise, MOST_ANEW, 0, final.fit.cost))
@@ -267,14 +269,3 @@ class OdeSearch(Expander):
         reach = min([final.fit.cost, *mine]) if same_numerics else max([final.fit.cost, *mine])
         near = [candidate for candidate in candidates if candidate.fit.cost <= 1.5 * reach + 50.0 * EQUAL]
         return near if same_numerics else [candidate.resumed(fine) or candidate for candidate in near]
-
-    @staticmethod
-    def with_onset(
-        base: OdeCandidate, twins: Sequence[tuple[BaseEffect, np.ndarray]], named: OdeCandidate
-    ) -> list[OdeCandidate]:
-        """A base with each of some effects that begin, fitted from given values along the free run of what is named."""
-        x = named.fit.x[: base.model.n_nominal]
-        tries = [
-            named.problem.fit((*base.effects, one), base.theta_with(theta), x, open_steps=0) for one, theta in twins
-        ]
-        return [candidate for candidate in tries if candidate is not None]

@@ -165,8 +165,11 @@ def look_for_onsets(search: Expander) -> None:
     """
     null, final = search.fitted_null, search.standing
     explained = final.left < AT_THE_NOISE
-    if null.left < AT_THE_NOISE or (explained and len(final.effects) == 1) or search.first_screen is None:
+    if null.left < AT_THE_NOISE or (explained and len(final.effects) == 1):
         return
+    if search.first_screen is None:  # what is asked has changed since
+        search.base_and_screen(null.candidate)
+    assert search.first_screen is not None
     left_by = search.first_screen.left_by
     # edges lie apart here: up to half of what the null leaves (amplitude) may be theirs
     most = max(in_vain_from(final.candidate, null.candidate), MOST_LEFT**2 * null.fit.cost)
