@@ -41,6 +41,37 @@ def test_of_two_forms_of_one_law_the_nearer_is_enough_within_the_tolerance(monke
     assert [effect.name for effect in needed_only(search, final).effects] == left
 
 
+@pytest.mark.parametrize(
+    ("second", "without_second", "tolerated", "left"),
+    [
+        (("parameter_dependence", "capacitance", "charge"), 300.0, 400.0, ["quadratic_loss"]),
+        (("parameter_dependence", "capacitance", "charge"), 300.0, 200.0, ["quadratic_loss", "parameter_dependence"]),
+        (("parameter_dependence", "capacitance", "charge"), 600.0, 700.0, ["quadratic_loss", "parameter_dependence"]),
+        (("drift", "current", None), 300.0, 400.0, ["quadratic_loss", "drift"]),
+        (("sensor_nonlinearity", "charge", None), 300.0, 400.0, ["quadratic_loss", "sensor_nonlinearity"]),
+    ],
+    ids=["follows the form", "beyond the tolerance", "the first is needed less", "another driver", "not rare"],
+)
+def test_a_rare_one_that_is_driven_as_another_is_left_out(monkeypatch, second, without_second, tolerated, left):
+    """A loss whose exponent is not quite two is followed to the noise beside a capacitance that depends on the same charge."""
+
+    def one(effects, cost):
+        found = SimpleNamespace(effects=effects, fit=SimpleNamespace(cost=cost), left=1.0)
+        found.keys, found.candidate = tuple(effect.key for effect in effects), found
+        return found
+
+    both = CATALOGUE["quadratic_loss"]("current", "charge"), CATALOGUE[second[0]](*second[1:])
+    search = SimpleNamespace(
+        tolerated_cost=tolerated,
+        stood={},
+        plausible=lambda _: True,
+        without=lambda _, i: one((both[1 - i],), 500.0 if i == 0 else without_second),
+    )
+    monkeypatch.setattr(_needed, "taken", lambda search, fewer, final: fewer)
+    monkeypatch.setattr(_needed, "not_sized_beside_others", lambda found: [])
+    assert [effect.name for effect in needed_only(search, one(both, 100.0)).effects] == left
+
+
 @pytest.mark.parametrize(("tolerated", "left"), [(400.0, "a"), (200.0, "ab")])
 def test_of_effects_without_a_magnitude_beside_each_other_one_is_enough_within_the_tolerance(
     monkeypatch, tolerated, left

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from itertools import combinations
+from typing import Any
 
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.gap.decide._intervals import not_sized_beside_others
 from sksurrogate.gap.fit._closeness import MOST_LEFT, SETTLED
 from sksurrogate.gap.fit._evidence import C, Evidence, estimate_noise
-from sksurrogate.gap.search._nested import of_one_curve, of_one_law
+from sksurrogate.gap.search._nested import driven_alike, of_one_curve, of_one_law
 from sksurrogate.gap.search._set_search import COMES_BACK, SetSearch
 from sksurrogate.gap.search._stopping import STACK
 
@@ -25,7 +26,8 @@ def needed_only(search: SetSearch[C], final: Evidence[C]) -> Evidence[C]:
 
     A set that leaves more than the noise is not exact: there a small effect may only correct the form of the others. Of two forms
     of one law, and of two curves of one signal at one place, one is enough where it closes the gap up to the tolerance: no form is exact
-    on a real plant. So it is of effects whose magnitudes these data do not show beside each other.
+    on a real plant. So it is of effects whose magnitudes these data do not show beside each other, and of a rare one that is needed
+    least of all and is driven as another: what has a state, a clock or two signals follows what the form of that one leaves.
 
     What is taken out is compared with the whole set: several effects may be needed where none of them alone is.
     """
@@ -45,6 +47,12 @@ def _without_needless(search: SetSearch[C], final: Evidence[C], whole: float) ->
     one_form = _nearest_without(search, final, _of_which_one_is_enough(final))
     if one_form is not None and one_form.fit.cost <= search.tolerated_cost:
         return one_form
+    following = _that_may_follow_others(final)
+    if following:
+        least = _nearest_without(search, final, range(len(final.effects)))
+        gone = () if least is None else set(final.candidate.keys).difference(least.keys)
+        if least is not None and least.fit.cost <= search.tolerated_cost and following.issuperset(gone):
+            return least
     if final.left <= SETTLED:
         return None
     fewer, before = _nearest_without(search, final, range(len(final.effects))), search.stood.get(len(final.effects) - 1)
@@ -63,6 +71,17 @@ def _of_which_one_is_enough(final: Evidence[C]) -> list[int]:
     balances = [e.location if e.kind == "state" and e.variable else None for e in final.effects]
     stacked = (i for i, name in enumerate(balances) if name is not None and balances.count(name) >= STACK)
     return sorted(forms.union(not_sized_beside_others(final), stacked))
+
+
+def _that_may_follow_others(final: Evidence[C]) -> set[Any]:
+    """Keys of the rare effects that the signals of another one drive, or time as another one; a mirror has no form that another could follow."""
+    effects = final.effects
+    return {
+        one.key
+        for one in effects
+        if one.rarity > 1.0
+        and any(driven_alike(one, other) for other in effects if other is not one and other.parameters)
+    }
 
 
 def _one_of_two(one: BaseEffect, other: BaseEffect) -> bool:

@@ -11,6 +11,9 @@ from sksurrogate.effects._sensor import SensorQuantization
 #: Effects that are no curve of a signal or of time: they remember, stop a state, or round.
 NO_CURVES = HiddenEffect, LimitEffect, RememberingActuator, InputQuantization, SensorQuantization
 
+#: Parameters of what the clock drives.
+CLOCKS = "rate", "time", "phase"
+
 
 def simpler(effect: BaseEffect, name: str, library: Sequence[BaseEffect]) -> list[BaseEffect]:
     """The candidates of a simpler form's name that an effect may come down to."""
@@ -57,6 +60,32 @@ def of_one_curve(one: BaseEffect, other: BaseEffect) -> bool:
     """
     same = (one.kind, one.location, one.variable) == (other.kind, other.location, other.variable)
     return same and _is_curve(one) and _is_curve(other)
+
+
+def drivers(effect: BaseEffect) -> frozenset[str]:
+    """The signals that drive an effect; none is time.
+
+    >>> from sksurrogate.effects import CATALOGUE
+    >>> sorted(drivers(CATALOGUE["bilinear"]("v", "u*v"))), drivers(CATALOGUE["input_gain"]("u"))
+    (['u', 'v'], frozenset({'u'}))
+    >>> drivers(CATALOGUE["drift"]("v"))
+    frozenset()
+    """
+    if effect.variable:
+        return frozenset(effect.variable.split("*"))
+    timed = any(parameter.name in CLOCKS for parameter in effect.parameters)
+    return frozenset() if timed or effect.kind not in ("input", "output") else frozenset([str(effect.location)])
+
+
+def driven_alike(one: BaseEffect, other: BaseEffect) -> bool:
+    """Whether a signal drives both of two effects, or nothing but time.
+
+    >>> from sksurrogate.effects import CATALOGUE
+    >>> wave, drift, loss = (CATALOGUE[name]("v") for name in ("periodic_disturbance", "drift", "sensor_nonlinearity"))
+    >>> driven_alike(wave, drift), driven_alike(wave, loss), driven_alike(loss, CATALOGUE["bilinear"]("y", "u*v"))
+    (True, False, True)
+    """
+    return drivers(one) == drivers(other) or bool(drivers(one) & drivers(other))
 
 
 def _is_curve(effect: BaseEffect) -> bool:

@@ -155,13 +155,15 @@ class OdeSearch(Expander):
         if not late or self.frugal or not is_stack(found):
             return found
         null = self.fitted_null.candidate
+        left_for_later = self.later_asked
         self.ask_now(late)
         self.base_and_screen(null)
         two = self.ranked(self.pairs(null, named.fit.cost), null)
-        if not two:
+        chosen = simplify(self, self.swap(self.polish(two[0]))) if two else named
+        if chosen is named or self.passes(named, chosen, True):
+            self.later_asked = left_for_later  # they may still be asked beside what stands
             return found
-        chosen = simplify(self, self.swap(self.polish(two[0])))
-        return found if self.passes(named, chosen, True) else self.judged[self.stand(chosen)]
+        return self.judged[self.stand(chosen)]
 
     def singles(self, null: OdeCandidate) -> list[OdeCandidate]:
         """The null with one effect; those left for later too that are expected to close most of what the best of the others leaves."""
