@@ -10,6 +10,7 @@ from sksurrogate.datasets import make_reactor, make_reactor_runs
 from sksurrogate.effects import CATALOGUE
 from sksurrogate.gap.fit._ode import Numerics
 from sksurrogate.gap.search._ode_search import OdeSearch
+from sksurrogate.physics import ODESimulator
 
 PROBLEM = SimpleNamespace(record=SimpleNamespace(y=np.zeros((1, 10)), n_values=0), numerics=Numerics(1))
 BASE = SimpleNamespace(effects=(), keys=(), fit=SimpleNamespace(cost=1000.0), problem=PROBLEM)
@@ -56,6 +57,7 @@ def test_every_effect_has_the_cheapest_of_its_starts_and_the_first_is_what_other
         return [candidate(starts[0].effect, min(start.cost for start in starts)) for starts in chosen]
 
     monkeypatch.setattr(OdeSearch, "fit_apart", fit_apart)
+    monkeypatch.setattr(OdeSearch, "plausible", lambda self, candidate: True)
     effects = [lag(f"x{k}") for k in range(n)]
     chosen = [[SimpleNamespace(effect=e, cost=10.0 * k + c) for c in (3, 1, 2)] for k, e in enumerate(effects)]
     found = OdeSearch(PROBLEM, effects, np.zeros((2, 10))).fit_all(BASE, chosen)
@@ -81,6 +83,7 @@ def test_beside_one_at_the_noise_those_far_from_the_data_are_not_fitted(monkeypa
         return [candidate(starts[0].effect, 1.0) for starts in chosen]
 
     monkeypatch.setattr(OdeSearch, "fit_apart", fit_apart)
+    monkeypatch.setattr(OdeSearch, "plausible", lambda self, candidate: True)
     effects = [lag(name) for name in expected]
     chosen = [
         [SimpleNamespace(effect=e, left=left, evident=e.variable == "shown")]
@@ -98,3 +101,27 @@ def test_a_large_error_of_one_parameter_is_named_where_a_richer_form_reached_the
     report = GapDiagnoser(make_reactor(second=60.0), random_state=0).fit(X, y, groups=runs).report_
     assert [(effect.name, effect.location) for effect in report.effects] == [("parameter_error", "second")]
     assert report.effects[0].params["relative_error"] == pytest.approx(2 / 3, rel=0.01)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_form_that_is_not_plausible_keeps_no_other_out(seed):
+    """A dry friction that is no larger at rest, measured by its position: Stribeck's curve is fitted first, and comes to the noise."""
+
+    def spring(level):
+        return ODESimulator(
+            lambda t, x, u, p: [x[1], u[0] - x[0] - 0.3 * x[1] - level * np.tanh(x[1] / 1e-3)],
+            states=["x", "v"], inputs=["u"], outputs=["x"], params={}, dt=0.01 if level else 0.1,
+        )  # fmt: skip
+
+    rng = np.random.default_rng(seed)
+    U = np.repeat(rng.uniform(-2, 2, (6, 30)), 10, axis=1)
+    Y = np.concatenate([spring(0.3).simulate(np.repeat(u, 10)[:, None])[::10] for u in U])
+    Y = Y + 0.005 * rng.normal(size=Y.shape)
+    report = (
+        GapDiagnoser(spring(0.0), random_state=0, n_jobs=1)
+        .fit(U.reshape(-1, 1), Y, groups=np.repeat(np.arange(6), 300))
+        .report_
+    )
+    assert report.verdict == "explained"
+    assert [effect.name for effect in report.effects] == ["coulomb_friction"]
+    assert report.effects[0].params["level"] == pytest.approx(0.3, abs=0.005)

@@ -238,13 +238,13 @@ class Expander(SetSearch[OdeCandidate]):
         """Fit candidates, the best first: its cost is what the others must come near to.
 
         Where that is the noise, only those are fitted that may come near: as much as the screen expected the first to leave, it may
-        be wrong about others.
+        be wrong about others. One that is not plausible, as a friction that is no larger at rest for a name that says so, keeps no other out.
         """
         best = min(base.fit.cost, best)
         n = len(chosen) if len(chosen) <= FITTED_APART else 1
         tries = iter(self.fit_apart(base, [[one] for starts in chosen[:n] for one in starts], best))
         first = [cheapest(list(islice(tries, len(starts)))) for starts in chosen[:n]]
-        costs = [np.inf if candidate is None else candidate.fit.cost for candidate in first]
+        costs = [np.inf if one is None or not self.plausible(one) else one.fit.cost for one in first]
         best = min([best, *costs])
         expected = [least_left(starts) for starts, cost in zip(chosen, costs) if is_at_noise(cost, self.n_values)]
         most = max([FAR_BY_COST * self.n_values, *(AS_NEAR * left for left in expected)])
