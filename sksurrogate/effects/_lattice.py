@@ -30,8 +30,8 @@ HARMONICS, PER_OCTAVE = 3, 3
 
 
 def coherence(readings: np.ndarray, step: np.ndarray) -> np.ndarray:
-    """``mean cos(2 pi y / step)``: 1 on the multiples of a step, about 0 for a smooth signal of a range beyond it."""
-    return np.mean(np.cos(2 * np.pi * readings[:, None] / step), axis=0)
+    """``mean cos(2 pi y / step)``: 1 on the multiples of a step, about 0 for a smooth signal of a range beyond it, 0 without readings."""
+    return np.asarray(np.sum(np.cos(2 * np.pi * readings[:, None] / step), axis=0) / max(len(readings), 1))
 
 
 def shows_steps(readings: np.ndarray, step: Any) -> np.ndarray:
