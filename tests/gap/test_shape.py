@@ -192,9 +192,10 @@ def test_columns_that_repeat_an_earlier_one_are_left_out_in_blocks_of_any_size(a
     new = rng.normal(size=(40, 50))
     columns = np.concatenate([new[:20], -3.0 * new[5:15], new[20:], new[:3]])
     monkeypatch.setattr(_term_library, "COMPARED_AT_ONCE", at_once)
-    kept, unit = _term_library._distinct(np.arange(len(columns)), columns)
-    assert kept.tolist() == [*range(20), *range(30, 50)]
-    np.testing.assert_array_equal(unit, new)
+    columns[35], columns[40] = np.nan, 0.0
+    kept, unit = _term_library._distinct(*columns.shape, columns.__getitem__)
+    assert kept.tolist() == [*range(20), *range(30, 35), *range(36, 40), *range(41, 50)]
+    np.testing.assert_allclose(unit, columns[kept] / np.sqrt(np.mean(columns[kept] ** 2, axis=1))[:, None], rtol=1e-14)
 
 
 def test_a_region_is_named_by_its_edges(record):

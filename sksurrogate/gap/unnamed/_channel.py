@@ -103,8 +103,7 @@ class Channel:
 
     def respond(self, signal: np.ndarray) -> np.ndarray:
         """Outputs (n_outputs, n_columns, n_samples) that signals (n_columns, n_samples) cause."""
-        m = len(self.r)
-        out = np.zeros((m, *signal.shape))
+        out = np.zeros((len(signal), len(self.r), signal.shape[1])).transpose(1, 0, 2)  # each column in one piece
         if self.push is None:
             out[self.sensor] = signal
             return out

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from sksurrogate.gap.fit._normal_equations import eliminate, eliminate_rows
+from sksurrogate.gap.fit._normal_equations import eliminate, eliminate_rows, inverse
 from sksurrogate.gap.unnamed._formula_regression import Draft, Regression
 from sksurrogate.gap.unnamed._grammar import price_of, structure
 from sksurrogate.gap.unnamed._term_library import Library
@@ -29,6 +29,8 @@ REFINED, LOOKED_AT = 10, 24
 SWAPPED, SWAPS = 3, 4
 #: Terms of an affine beginning.
 MOST_AFFINE = 4
+#: Terms whose pairs with all others are compared at once: the square of all takes more memory than all else.
+PAIRED_AT_ONCE = 64
 #: A column of which less than this share (power) is its own beside others tells nothing more.
 OWN = 1e-5
 
@@ -83,20 +85,29 @@ class Beam:
     def pairs(self, some: Sequence[int]) -> dict[tuple[int, ...], float]:
         """The best of all sums of two of some terms: two may explain together what neither explains alone."""
         one, linear = self.regression, self.regression.channel.linear
-        at, A = np.array(some, dtype=int), self.rows[:, some]
-        whole = np.block([[one.K, A], [A.T, self.columns(some) @ self.library.columns[at].T]])
-        left = eliminate(whole, len(one.K) - 1, linear.precision, linear.pull)
-        rest, own, size = left[0, 1:], left[1:, 1:], np.diag(left)[1:]
-        det = np.outer(size, size) - own**2
-        gain = 0.5 * (np.outer(rest**2, size) - 2.0 * np.outer(rest, rest) * own + np.outer(size, rest**2))
-        costs = self.costs[at]
-        worth = gain / np.maximum(det, 1e-300) - costs[:, None] - costs + 0.5 * float(one.K[0, 0] - left[0, 0])
+        at, k = np.array(some, dtype=int), len(one.K)
+        F, weighted, A, costs = self.library.columns[at], self.columns(some), self.rows[:, at], self.costs[at]
+        rows = np.concatenate([one.K, A], axis=1)
+        squares = np.r_[np.diag(one.K), np.einsum("ij,ij->i", weighted, F)]
+        rest, size = eliminate_rows(rows, squares, linear.precision, linear.pull)
+        follow = inverse(one.K[1:, 1:] + np.diag(linear.precision)) @ A[1:] if k > 1 else A[1:]
+        explained = 0.5 * float(one.K[0, 0] - eliminate(one.K, k - 1, linear.precision, linear.pull)[0, 0])
         known = size > OWN * self.diagonal[at]
-        worth[~(np.outer(known, known) & (det > OWN * np.outer(size, size)))] = -np.inf
-        i, j = np.triu_indices(len(some), 1)
-        first = np.argsort(-worth[i, j])[: TRIED * BEAM]
-        found = {(int(at[a]), int(at[b])): float(worth[a, b]) for a, b in zip(i[first], j[first])}
-        return {k: v for k, v in found.items() if np.isfinite(v) and self.allows(k)}
+        best: list[tuple[float, int, int]] = []
+        for a in range(0, len(at), PAIRED_AT_ONCE):
+            b = min(a + PAIRED_AT_ONCE, len(at))
+            own = weighted[a:b] @ F[a:].T - A[1:, a:b].T @ follow[:, a:]
+            both, det = np.outer(size[a:b], size[a:]), np.outer(size[a:b], size[a:]) - own**2
+            gain = np.outer(rest[a:b] ** 2, size[a:]) - 2.0 * np.outer(rest[a:b], rest[a:]) * own
+            gain = 0.5 * (gain + np.outer(size[a:b], rest[a:] ** 2))
+            worth = gain / np.maximum(det, 1e-300) - costs[a:b, None] - costs[a:] + explained
+            apart = np.triu(np.outer(known[a:b], known[a:]) & (det > OWN * both), 1)
+            i, j = np.nonzero(apart & np.isfinite(worth))
+            value = worth[i, j]
+            first = np.argsort(-value, kind="stable")[: TRIED * BEAM]
+            best += zip((-value[first]).tolist(), at[a + i[first]].tolist(), at[a + j[first]].tolist())
+        found = {(i, j): -value for value, i, j in sorted(best)[: TRIED * BEAM]}
+        return {pair: value for pair, value in found.items() if self.allows(pair)}
 
     def allows(self, chosen: Sequence[int]) -> bool:
         """Whether an effect can hold these terms."""
