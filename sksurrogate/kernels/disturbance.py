@@ -104,10 +104,6 @@ class Disturbance:
         self.A, self.B, self.C = A.transpose(2, 0, 1), B.transpose(2, 0, 1), C.transpose(2, 0, 1)
         # States that each output sees; most see one.
         self.seen = [np.flatnonzero(np.any(self.C[:, j] != 0.0, axis=0)) for j in range(self.m)]
-        # The parts of F'F that do not depend on the noise parameters.
-        G = np.concatenate([self.A, self.B], axis=2) * self.inner[:, None, None]
-        self.G = G
-        self.GG = G.transpose(0, 2, 1) @ (G / slack[:, None] ** 2)
         self.constant = self._constant()
 
     @cached_property
@@ -152,14 +148,17 @@ class Disturbance:
         """Lower band of the posterior precision without what depends on the noise parameters (n_samples, size, size + n)."""
         n, size, top = self.n, self.size, self.n + self.b
         q_x = 1.0 / self.slack**2
+        # The parts of F'F that do not depend on the noise parameters.
+        G = np.concatenate([self.A, self.B], axis=2) * self.inner[:, None, None]
+        GG = G.transpose(0, 2, 1) @ (G / self.slack[:, None] ** 2)
         band = np.zeros((self.n_samples, size, size + n))
         for i in range(top):
             for j in range(i + 1):
-                band[:, j, i - j] = self.GG[:, i, j]
+                band[:, j, i - j] = GG[:, i, j]
         for i in range(n):
             band[:, i, 0] += self.later * q_x[i] + (1.0 - self.later) / self.start_sd[i] ** 2
             for j in range(top):
-                band[:, j, size + i - j] = -q_x[i] * self.G[:, i, j]
+                band[:, j, size + i - j] = -q_x[i] * G[:, i, j]
         return band
 
     def in_runs_from(self, starts: np.ndarray) -> Disturbance:
@@ -323,9 +322,13 @@ class Disturbance:
     def weighted(self, r: np.ndarray, noise: Noise, factor: np.ndarray | None = None) -> np.ndarray:
         """``S^-1 r`` of columns r (n_outputs, n_columns, n_samples): ``S^-1 = R^-1 - R^-1 H P^-1 H' R^-1``."""
         factor = self.factor(noise) if factor is None else factor
-        solved, _ = dpbtrs(factor, self._load(r, noise), lower=1)
-        shown = self._shown(solved.T.reshape(r.shape[1], self.n_samples, self.size))
-        return (r - shown) / noise.sigma[:, None, None] ** 2
+        out = np.empty(r.shape)
+        for a in range(0, r.shape[1], MOST_ABREAST):  # the states of one column take the most memory
+            some = r[:, a : a + MOST_ABREAST]
+            solved, _ = dpbtrs(factor, self._load(some, noise), lower=1, overwrite_b=1)
+            shown = self._shown(solved.T.reshape(some.shape[1], self.n_samples, self.size))
+            out[:, a : a + MOST_ABREAST] = (some - shown) / noise.sigma[:, None, None] ** 2
+        return out
 
     def _shown(self, states: np.ndarray) -> np.ndarray:
         """What states and coloured noise (n_columns, n_samples, size) show in the outputs: (n_outputs, n_columns, n_samples)."""
