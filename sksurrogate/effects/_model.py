@@ -208,6 +208,9 @@ class BoundModel:
             self._widths[i] = self._widths[i], self.h  # kinks: a width of the variable, edges: of time
         self._has_limits = any(isinstance(effect, LimitEffect) for effect in effects)
         self._drift = any(isinstance(e, ParameterEffect) and not constant_in_time(e) for e in effects)
+        params = augmented.plant.params
+        free = zip(augmented.free, theta[augmented.free_slice])
+        self._retuned = {name: retuned(params[name], row[:, None]) for name, row in free}
         self._constant_params = None
         self._constant_params = None if self._drift else self.params_at(0.0)
         self._mean, self._half, self.shown = self._inputs()
@@ -225,9 +228,7 @@ class BoundModel:
         """Parameters that differ from their nominal values, (n_columns, 1) or (n_columns, n_samples), at a time, states and inputs."""
         if self._constant_params is not None:
             return self._constant_params
-        params, varied = self.a.plant.params, {}
-        for name, row in zip(self.a.free, self.theta[self.a.free_slice]):
-            varied[name] = retuned(params[name], row[:, None])
+        params, varied = self.a.plant.params, dict(self._retuned)
         for i, (effect, values) in enumerate(zip(self.a.effects, self._parameters)):
             if isinstance(effect, ParameterEffect) and effect.location is not None:
                 driver = () if effect.variable is None else (self.a.variable(i, x, u),)

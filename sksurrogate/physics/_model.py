@@ -198,17 +198,25 @@ class _Flattened:
 
 
 class _FlatParams:
-    """All parameters at flat points; the last ones are kept: all stages of all steps share parameters that do not drift."""
+    """All parameters at flat points; the last ones are kept: all stages of all steps share those that do not drift."""
 
     def __init__(self, nominal: Mapping[str, Any]):
         self._nominal = nominal
         self._last: tuple[Any, tuple[int, ...], Mapping[str, Any]] = (None, (), nominal)
+        self._parts: dict[str, tuple[Any, np.ndarray]] = {}  #: Values as they came, and flat
 
     def __call__(self, varied: Mapping[str, np.ndarray], shape: tuple[int, ...]) -> Mapping[str, Any]:
         """The nominal ones and the varied ones broadcast to ``shape``, flat."""
         known, at, flat = self._last
         if known is not varied or at != shape:
-            flat = {**self._nominal, **{name: locked(_flat(value, shape)) for name, value in varied.items()}}
+            before = self._parts if at == shape else {}
+            self._parts = {
+                name: before[name]
+                if name in before and before[name][0] is value
+                else (value, locked(_flat(value, shape)))
+                for name, value in varied.items()
+            }
+            flat = {**self._nominal, **{name: part for name, (_, part) in self._parts.items()}}
             self._last = varied, shape, flat
         return flat
 
