@@ -50,6 +50,7 @@ class Fit:
     n_iterations: int
     converged: bool
     linearised: Linearised | None  #: At the solution, or as ``near`` to it as was allowed
+    fell_back: bool = False  #: Whether it began along the trajectory to fall back on, from its first parameters
 
 
 def settle_hidden(model: FreeRunModel, theta: np.ndarray, x: np.ndarray) -> np.ndarray:
@@ -159,22 +160,8 @@ def output_error(
     """
     with np.errstate(all="ignore"):
         fit = _OutputError(
-            model,
-            sd,
-            unit,
-            bounds,
-            prior,
-            fit_start,
-            reach,
-            settled,
-            tries,
-            near,
-            centre,
-            idle,
-            idle_above,
-            lead_on,
-            within,
-        )
+            model, sd, unit, bounds, prior, fit_start, reach, settled, tries, near, centre, idle, idle_above, lead_on, within,
+        )  # fmt: skip
         return fit.run(theta, x, open_steps, max_steps, most, fallback)
 
 
@@ -326,7 +313,7 @@ class _OutputError:
         first = self.within(theta), x
         end = self.opened(theta, x, open_steps)
         lin = end.lin if end.moved < self.near or end.run is not None else None
-        theta = end.theta
+        theta, fell_back = end.theta, False
         x, y, cost = end.run or self.closed(theta, end.x, None if lin is None else lin.band)
         if not np.isfinite(cost) or self.diverged(cost, first[0], fallback):
             # The open steps diverged: closed steps from the start.
@@ -335,6 +322,7 @@ class _OutputError:
             near = first[1] if fallback is None else fallback
             if fallback is not None:
                 x, y, cost = self.closed(theta, fallback, None)
+            fell_back = fallback is not None and not opened[3] < cost
             if opened[3] < cost:
                 theta, x, y, cost, lin = opened
             if not np.isfinite(cost):  # no trajectory near leads to the free run (a hard limit): step by step
@@ -344,7 +332,8 @@ class _OutputError:
                     cost = self.cost(y, theta)
         if not np.isfinite(cost):
             return None
-        return self.descend(theta, x, y, cost, max_steps, most, lin, end.at)
+        fit = self.descend(theta, x, y, cost, max_steps, most, lin, end.at)
+        return fit and replace(fit, fell_back=fell_back)
 
     def diverged(self, cost: float, theta: np.ndarray, fallback: np.ndarray | None) -> bool:
         """Whether a free run is much further from the data than the trajectory to fall back on."""

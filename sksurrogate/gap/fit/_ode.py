@@ -79,7 +79,7 @@ class OdeCandidate(BaseCandidate):
             return self.fit.linearised
         unit = self.problem.units(self.effects, self.fit.theta)
         with np.errstate(all="ignore"):
-            return linearise(self.model, self.fit.theta, self.fit.x, unit)
+            return linearise(self.model, self.fit.theta, self.fit.x, unit).kept()
 
     def along(self, x: np.ndarray) -> OdeCandidate:
         """As its free run is to first order about a path of all its states (n_states, n_samples)."""
@@ -327,6 +327,7 @@ class OdeBackend(Backend):
             unit = self.units(effects, theta)
             low, high = self.bounds(effects)
             fit: Fit | None = None
+            fell_back = False
             centre, prior = self.prior(effects, theta)
             steps = coordinates_of(effects, model.slice_of, self.signals_along(start))
             for repeat in range(3 if self.free else 1):
@@ -351,13 +352,14 @@ class OdeBackend(Backend):
                 fit = steps.in_parameters(fit)
                 if fit is None:
                     return None
+                fell_back = fell_back and not fit.fell_back if repeat else fit.fell_back  # the first alone
                 # Student's t as a reweighted Gaussian: few rounds settle it.
                 before, (centre, prior) = prior, self.prior(effects, fit.theta)
                 if np.allclose(before, prior, rtol=0.3):
                     break
                 theta, start = fit.theta, fit.x
         assert fit is not None
-        return self.candidate(effects, fit, model)
+        return self.candidate(effects, replace(fit, fell_back=fell_back), model)
 
     def units(self, effects: Sequence[BaseEffect], theta: np.ndarray) -> np.ndarray:
         """Sizes of the parameters for differences near 0."""

@@ -113,10 +113,12 @@ def fit_given(
     return [candidate for candidate in tries if candidate is not None]
 
 
-def fit_part(problem: OdeBackend, base: OdeCandidate, law: AnyLaw, values: np.ndarray) -> OdeCandidate | None:
+def fit_part(
+    problem: OdeBackend, base: OdeCandidate, law: AnyLaw, values: np.ndarray, shares: Sequence[float] = NEARER
+) -> OdeCandidate | None:
     """Fit a law on top of a base from a part of its coefficients, along the run of the base: from so small a part that it starts no worse."""
     own, n = base.fit.x[: base.model.n_nominal], len(law.terms)
-    for share in NEARER:
+    for share in shares:
         theta = base.theta_with(np.r_[share * values[:n], values[n:]])
         found = problem.fit((*base.effects, law), theta, own, open_steps=0)
         if found is not None and found.fit.cost < base.fit.cost:

@@ -22,6 +22,7 @@ from sksurrogate.gap.screen._twins import twins
 from sksurrogate.gap.search._base import EQUAL, Wanted
 from sksurrogate.gap.search._expander import SEARCH_SHARPNESS, SEARCH_SUBSTEPS, Expander
 from sksurrogate.gap.search._fit_from_starts import (
+    NEARER,
     best_starts,
     cheapest,
     fit_given,
@@ -241,7 +242,8 @@ class OdeSearch(Expander):
         found = fit_last(problem, effects, base.theta_with(values), states, base.fit, np.inf)
         if not isinstance(law, AnyLaw) or (found is not None and found.fit.cost < base.fit.cost):
             return found
-        return cheapest([found, fit_part(problem, base, law, values)])
+        tried = found is None or found.fit.fell_back  # along the run of the base, with all of its coefficients
+        return cheapest([found, fit_part(problem, base, law, values, NEARER[tried:])])
 
     def in_place_of(self, final: Evidence[OdeCandidate], i: int) -> list[OdeCandidate]:
         named, single = final.candidate, len(final.effects) == 1
