@@ -60,7 +60,12 @@ class Chain:
         params = {f"k{i}": 1.0 + 0.02 * i for i in range(self.n - 1)} | {f"h{i}": 0.05 for i in range(self.n)}
         cells = [f"cell{i}" for i in range(self.n)]
         return ODESimulator(
-            self, states=cells, inputs=["heat"], outputs=list(dict.fromkeys([*cells[::5], cells[-1]])), params=params | changed, dt=0.2
+            self,
+            states=cells,
+            inputs=["heat"],
+            outputs=list(dict.fromkeys([*cells[::5], cells[-1]])),
+            params=params | changed,
+            dt=0.2,
         )
 
 
