@@ -22,6 +22,8 @@ LATTICE_STEPS_SPANNED = 1.7
 
 #: Parts of the runs in which readings that crowd in a part only are looked for.
 PARTS = 4
+#: Share of these readings that may be at one level.
+MOST_AT_ONE_LEVEL = 0.5
 
 #: Steps up to the largest value between which likely ones are sought, bins to the finest one, and bins per cycle at the largest.
 COARSE, FINE, FINEST_BINS, TURN = 20.0, 2000.0, 10, 8
@@ -129,7 +131,10 @@ def lattice_window(readings: np.ndarray, ages: np.ndarray) -> tuple[float, int, 
     inside = (ages >= first) & (ages < last)
     outside = readings[~inside]
     everywhere = len(outside) < 2 or np.mean(turn[~inside]) > max(LEAST, float(by_chance(outside, np.array(step))))
-    return None if everywhere or not shows_steps(readings[inside], step)[0] else (float(step), first, last)
+    _, at_level = np.unique(np.round(readings[inside] / step), return_counts=True)
+    still = at_level.max(initial=0) > MOST_AT_ONE_LEVEL * np.sum(at_level)  # a sensor that stands still has no steps
+    shown = not everywhere and not still and bool(shows_steps(readings[inside], step)[0])
+    return (float(step), first, last) if shown else None
 
 
 def _fullest(values: np.ndarray) -> tuple[int, int]:

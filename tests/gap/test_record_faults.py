@@ -191,6 +191,9 @@ def test_outliers_of_a_residual_are_not_its_waves():
     assert outlying_rows(r, np.array([0])).tolist() == [100, 101, 333]
     r[400:460] += 20.0  # long: the plant's, not a reading's
     assert outlying_rows(r, np.array([0])).tolist() == [100, 101, 333]
+    rounded = r / 1e4  # most readings are rounded, and the noise of the others is larger than what these leave
+    assert outlying_rows(rounded, np.array([0])).tolist() == [100, 101, 333]
+    assert outlying_rows(rounded, np.array([0]), noise=1e-3).size == 0
 
 
 @pytest.mark.parametrize(("share", "left", "found"), [(0.7, 1.5, True), (0.3, 1.5, False), (0.7, 1.1, False)])

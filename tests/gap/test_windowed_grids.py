@@ -9,21 +9,24 @@ from sksurrogate.physics import ODESimulator
 DT, N, RUNS, STEP = 0.25, 240, 4, 0.2
 
 
-def recorded(first, last, missing=0.0):
-    """A tank whose level is read in steps from one age of the runs until another; X, y, groups and the simulator."""
-    simulator = ODESimulator(
-        lambda t, x, u, p: [u[0] - p["outflow"] * np.sqrt(np.maximum(x[0], 0.01))],
+def tank(loss=0.0):
+    return ODESimulator(
+        lambda t, x, u, p: [u[0] - p["outflow"] * np.sqrt(np.maximum(x[0], 0.01)) - loss * x[0]],
         states=["level"], inputs=["pump"], outputs=["level"], params={"outflow": 1.0}, dt=DT, x0=[1.0],
     )  # fmt: skip
+
+
+def recorded(first, last, missing=0.0, loss=0.0):
+    """A tank whose level is read in steps from one age of the runs until another; X, y, groups and the simulator."""
     rng = np.random.default_rng(1)
     ages, groups = np.tile(np.arange(N), RUNS), np.repeat(np.arange(RUNS), N)
     X = np.repeat(rng.uniform(0.5, 2.0, RUNS * N // 20), 20)[:, None]
-    y = np.concatenate([simulator.simulate(X[groups == run]) for run in range(RUNS)])
+    y = np.concatenate([tank(loss).simulate(X[groups == run]) for run in range(RUNS)])
     y = y + 0.005 * rng.normal(size=y.shape)
     on = (ages >= first) & (ages < last)
     y[on] = STEP * np.round(y[on] / STEP) + 0.005 * rng.normal(size=(on.sum(), 1))
     y[rng.random(len(y)) < missing] = np.nan
-    return simulator, X, y, groups
+    return tank(), X, y, groups
 
 
 @pytest.mark.parametrize(
@@ -47,3 +50,13 @@ def test_steps_throughout_have_no_part():
     simulator, X, y, groups = recorded(0, N)
     report = GapDiagnoser(simulator, n_jobs=1, random_state=0).fit(X, y, groups=groups).report_
     assert [(effect.name, list(effect.params)) for effect in report.effects] == [("sensor_quantization", ["step"])]
+
+
+def test_beside_a_loss_in_a_file_of_five_decimals():
+    """The decimals are a fine grid of all readings, and no reason to leave the coarse one out; nor are readings before it spikes."""
+    simulator, X, y, groups = recorded(130, N, loss=0.15)
+    y[np.tile(np.arange(N) >= 130, RUNS)] = STEP / 2 * np.round(y[np.tile(np.arange(N) >= 130, RUNS)] / (STEP / 2))
+    report = GapDiagnoser(simulator, n_jobs=1, random_state=0).fit(X, np.round(y, 5), groups=groups).report_
+    assert report.verdict == "explained"
+    assert sorted(effect.name for effect in report.effects) == ["linear_loss", "sensor_quantization"]
+    assert all(len(fault.rows) < 0.01 * len(y) for fault in report.data)

@@ -10,6 +10,7 @@ from sksurrogate.gap.faults._corrections import WrongReadings
 from sksurrogate.gap.fit._backend import BaseCandidate
 from sksurrogate.gap.fit._closeness import MOST_LEFT, SETTLED
 from sksurrogate.gap.fit._evidence import Evidence
+from sksurrogate.gap.fit._rounding import windowed_lattice
 from sksurrogate.kernels.readings import Stretch, flat_stretches, spans_where, spikes
 from sksurrogate.kernels.record import Record
 from sksurrogate.kernels.smoother import noise_of_differences
@@ -38,10 +39,21 @@ def wrong_readings(record: Record, expected: Callable[[], np.ndarray | None]) ->
             found += [(j, "stuck", _in_rows(s, rows)) for s in flat]
             short = spikes(_without(y[rows], flat), sd[j])
             found += [(j, "spikes", _in_rows(s, rows)) for s in short]
+    grids = {j: windowed_lattice(record, j) for j in {j for j, _, _ in found}}
+    found = [(j, kind, s) for j, kind, s in found if not _is_a_level(kind, s, record, grids[j])]
     model = expected() if found else None
     if model is not None:
         found = [(j, kind, s) for j, kind, s in found if not _is_expected(record.y[j], model[j], s)]
     return _faults(record, found)
+
+
+def _is_a_level(kind: str, s: Stretch, record: Record, grid: tuple[float, int, int] | None) -> bool:
+    """Whether a stretch lies where readings stand on a grid: there they stay at a level, and jump by a step."""
+    if grid is None:
+        return False
+    step, first, last = grid
+    age = s.start - record.starts[np.searchsorted(record.starts, s.start, side="right") - 1]
+    return bool(first <= age < last and (kind == "stuck" or s.size < 1.5 * step))
 
 
 def _in_rows(s: Stretch, rows: np.ndarray) -> Stretch:
@@ -104,15 +116,17 @@ LONGEST_BURST, MOST_OUTLYING = 8, 0.05
 REASON = 0.5
 
 
-def outlying_rows(residual: np.ndarray, starts: np.ndarray) -> np.ndarray:
+def outlying_rows(residual: np.ndarray, starts: np.ndarray, noise: float = 0.0) -> np.ndarray:
     """Rows of isolated outliers in a residual (n_samples,): a rise and a fall within a few readings.
+
+    ``noise``: deviation that the readings have where the median of the residual is smaller, as where some of them are rounded.
 
     >>> r = np.sin(np.arange(60.0))
     >>> r[[20, 21]] = 30.0
     >>> outlying_rows(r, np.array([0])).tolist()
     [20, 21]
     """
-    scale = 1.4826 * float(np.median(np.abs(residual)))
+    scale = max(1.4826 * float(np.median(np.abs(residual))), noise)
     off = np.abs(residual) > OUTLYING * max(scale, 1e-300)
     first_rows = set(starts.tolist()) | {len(residual)}
     found = [
@@ -142,7 +156,7 @@ def outlying(model: BaseCandidate) -> WrongReadings | None:
     """Outlying readings of one output, where they hold most of what is left there; None without any."""
     record, residual = model.problem.record, model.residual
     for j, r in enumerate(residual):
-        rows = outlying_rows(r, record.starts)
+        rows = outlying_rows(r, record.starts, float(model.problem.sd[j]))
         rest = np.delete(r, rows)
         near = np.sqrt(np.mean(rest**2)) < SETTLED * model.problem.sd[j]
         if len(rows) and (near or np.sum(r[rows] ** 2) > REASON * np.sum(r**2)):

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sksurrogate.effects._effect import BaseEffect
-from sksurrogate.effects._lattice import coherence, lattice_steps, shows_steps
+from sksurrogate.effects._lattice import coherence, lattice_steps, lattice_window, shows_steps
 from sksurrogate.gap.fit._backend import BaseCandidate
 from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.kernels.record import Record
@@ -41,11 +41,21 @@ class Rounding:
 
 
 def rounds_a_display(effect: BaseEffect, plant: Plant, record: Record) -> bool:
-    """Whether an effect rounds readings that all stand on one fine grid: that of the display which gives them, and no cause."""
+    """Whether an effect rounds readings that all stand on one fine grid, and on no coarse one: that of the display which gives them, no cause."""
     if effect.name != "sensor_quantization":
         return False
-    y = rounded_signal(plant, record, effect)
-    return 0.0 < share_of_rounding(resolution(y), y) < GRID_SHARE
+    output = plant.outputs.index(str(effect.location))
+    y, part = record.measured(output), windowed_lattice(record, output)
+    seen = [*lattice_steps(y), *([] if part is None else part[:1])]
+    return 0.0 < share_of_rounding(resolution(y), y) < GRID_SHARE and not any(
+        share_of_rounding(step, y) > GRID_SHARE for step in seen
+    )
+
+
+def windowed_lattice(record: Record, output: int) -> tuple[float, int, int] | None:
+    """Of an output of a record what :func:`lattice_window` finds: a step, and the ages of the runs between which readings show it."""
+    ages = np.arange(record.n_samples) - np.repeat(record.starts, record.lengths)
+    return lattice_window(record.measured(output), ages if record.known is None else ages[record.known[output]])
 
 
 def share_of_rounding(step: float, y: np.ndarray) -> float:

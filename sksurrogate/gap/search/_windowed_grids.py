@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from sksurrogate.effects._effect import BaseEffect
-from sksurrogate.effects._lattice import lattice_window
 from sksurrogate.effects._onset import starting
+from sksurrogate.gap.fit._rounding import windowed_lattice
 from sksurrogate.gap.search._expander import Expander
 from sksurrogate.gap.search._fit_from_starts import fit_given
 from sksurrogate.kernels.record import Record
@@ -20,8 +20,7 @@ def windowed_grid(effect: BaseEffect, record: Record, output: int) -> tuple[Base
 
     ``output``: number of the output in the record.
     """
-    ages = np.arange(record.n_samples) - np.repeat(record.starts, record.lengths)
-    found = lattice_window(record.measured(output), ages if record.known is None else ages[record.known[output]])
+    found = windowed_lattice(record, output)
     if found is None:
         return None
     step, first, last = found
