@@ -140,6 +140,7 @@ def test_a_certain_law_that_makes_up_most_of_the_gap_is_none_of_what_wanders():
     """Its formula may be poor all the same: a surface of two signals has none."""
     gap = DecisionFeatures(error=0.05, after=0.05, left=5.0, curve=40.0, curve_moved=0.05, repeats=False)
     assert rule_of(replace(gap, lawful=0.9)) == "unnamed_law" and rule_of(replace(gap, lawful=0.4)) == "none"
+    assert rule_of(replace(gap, lawful=4.5)) == "none"  # it cancels with initial states
 
 
 def test_the_reasons_hold_the_rule_and_every_feature():

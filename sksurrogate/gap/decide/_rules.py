@@ -89,6 +89,11 @@ def leaves_a_disturbance(f: DecisionFeatures) -> bool:
     return (f.lawful <= f.tolerance or not f.repeats) and f.after < LARGEST_DISTURBANCE
 
 
+def makes_up_most(f: DecisionFeatures) -> bool:
+    """A law makes up most of the gap; one that is larger than the gap cancels with something else, as with initial states."""
+    return MOST_LEFT < f.lawful < 1.0 + f.tolerance
+
+
 RULES: tuple[Rule, ...] = (
     Rule(
         "other_unit",
@@ -159,7 +164,7 @@ RULES: tuple[Rule, ...] = (
     Rule("noisy_input", lambda f: f.noisy_input, "none", "The noise of a measured input makes up the gap."),
     Rule(
         "unnamed_law",
-        lambda f: f.curve > CERTAIN and f.curve_moved > PRACTICAL and (f.repeats or f.lawful > MOST_LEFT),
+        lambda f: f.curve > CERTAIN and f.curve_moved > PRACTICAL and (f.repeats or makes_up_most(f)),
         "unknown",
         "The gap follows a law of the signals for certain, on runs left out too or for the most part, and no effect has its form.",
     ),
