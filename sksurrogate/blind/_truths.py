@@ -148,10 +148,16 @@ def _relaxation(m: Any, scene: Scene) -> dict[str, Any]:
     }
 
 
+#: Share of its value by which a parameter that depends on a signal changes at most: a resistance is not negative anywhere.
+MOST_CHANGED = 0.9
+
+
 def _dependence(m: Any, scene: Scene) -> dict[str, Any]:
-    """The parameter has its nominal value where the signal has its mean."""
-    slope = scene.sign * 0.25 * m / scene.spread()
-    return {"slope": slope, "relative_error": -slope * float(np.mean(scene.v))}
+    """The parameter has its nominal value where the signal has its mean, and keeps its sign along the signal."""
+    mean = float(np.mean(scene.v))
+    most = MOST_CHANGED / max(float(np.max(np.abs(scene.v - mean))), 1e-300)
+    slope = scene.sign * np.minimum(0.25 * m / scene.spread(), most)
+    return {"slope": slope, "relative_error": -slope * mean}
 
 
 def _mode(m: Any, scene: Scene) -> dict[str, Any]:
