@@ -10,7 +10,7 @@ from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.gap.decide._intervals import not_sized_beside_others
 from sksurrogate.gap.fit._closeness import MOST_LEFT, SETTLED
 from sksurrogate.gap.fit._evidence import C, Evidence, estimate_noise
-from sksurrogate.gap.search._nested import ROUNDINGS, driven_alike, of_one_curve, of_one_law
+from sksurrogate.gap.search._nested import QUANTIZERS, driven_alike, of_one_curve, of_one_law
 from sksurrogate.gap.search._set_search import COMES_BACK, SetSearch
 from sksurrogate.gap.search._stopping import STACK
 
@@ -83,7 +83,7 @@ def _that_may_follow_others(final: Evidence[C]) -> set[Any]:
         one.key
         for one in effects
         if one.rarity > 1.0
-        and not isinstance(one, ROUNDINGS)
+        and not isinstance(one, QUANTIZERS)
         and any(driven_alike(one, other) for other in effects if other is not one and other.parameters)
     }
 

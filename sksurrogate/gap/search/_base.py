@@ -31,7 +31,7 @@ from sksurrogate.kernels.disturbance import Noise
 #: 2 (L_best - L_candidate) below which two candidates count as equal (chi-squared of one parameter, about 1.4 %).
 EQUAL = 2.0 * NATS_THAT_SETTLE
 #: Fits that are compared when the time is up.
-LOOKED_AT = 6
+BEST_AT_TIME_OUT = 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +109,7 @@ class BaseSearch(ABC, Generic[C]):
     def keep_best(self) -> None:
         """What stands when the time is up: the best of all that is fitted."""
         null = self.fitted_null
-        nearest = sorted(self.fitted.values(), key=lambda candidate: candidate.fit.cost)[:LOOKED_AT]
+        nearest = sorted(self.fitted.values(), key=lambda candidate: candidate.fit.cost)[:BEST_AT_TIME_OUT]
         for candidate in nearest:
             if candidate not in self.judged:
                 self.judge(judged_under(candidate, [self.standing.noise, null.noise]))

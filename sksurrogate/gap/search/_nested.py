@@ -9,9 +9,9 @@ from sksurrogate.effects._input import InputQuantization, RememberingActuator
 from sksurrogate.effects._sensor import SensorQuantization
 
 #: Effects that round: steps are what no other form leaves.
-ROUNDINGS = InputQuantization, SensorQuantization
+QUANTIZERS = InputQuantization, SensorQuantization
 #: Effects that are no curve of a signal or of time: they remember, stop a state, or round.
-NO_CURVES = HiddenEffect, LimitEffect, RememberingActuator, *ROUNDINGS
+NO_CURVES = HiddenEffect, LimitEffect, RememberingActuator, *QUANTIZERS
 
 #: Parameters of what the clock drives.
 CLOCKS = "rate", "time", "phase"

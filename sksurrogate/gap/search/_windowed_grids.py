@@ -12,7 +12,7 @@ from sksurrogate.gap.search._fit_from_starts import fit_given
 from sksurrogate.kernels.record import Record
 
 #: What rounds readings.
-ROUNDS = "sensor_quantization"
+QUANTIZATION = "sensor_quantization"
 
 
 def windowed_grid(effect: BaseEffect, record: Record, output: int) -> tuple[BaseEffect, np.ndarray] | None:
@@ -36,12 +36,14 @@ def look_for_windowed_grids(search: Expander) -> None:
     To a likelihood the error of a rounding is noise: it shows in no free run, and the noise need not be uneven for it to be there.
     """
     outputs, record = search.problem.plant.outputs, search.problem.record
-    for effect in [one for one in search.library if one.name == ROUNDS]:
+    for effect in [one for one in search.library if one.name == QUANTIZATION]:
         found = windowed_grid(effect, record, outputs.index(str(effect.location)))
         if found is None:
             continue
         stands = search.standing.candidate
-        same = [i for i, one in enumerate(stands.effects) if one.name == ROUNDS and one.location == effect.location]
+        same = [
+            i for i, one in enumerate(stands.effects) if one.name == QUANTIZATION and one.location == effect.location
+        ]
         base = search.without(stands, same[0]) if same else stands
         if base is None:
             continue

@@ -24,7 +24,7 @@ from sksurrogate.gap.unnamed._term_library import Library
 MOST_TERMS, BEAM, TRIED = 5, 6, 6
 #: Formulae whose constants are fitted; of all, of single terms and of pairs whose constants take one step before the best of these are
 #: fitted too: none of the few values in the library may be near.
-REFINED, LOOKED_AT = 10, 24
+REFINED, NEAR_ONES = 10, 24
 #: Formulae whose terms are chosen again, and rounds of it.
 SWAPPED, SWAPS = 3, 4
 #: Terms of an affine beginning.
@@ -76,7 +76,7 @@ class Beam:
     ) -> list[Draft]:
         """The best of all formulae with their constants fitted, and the best of each group after one step of the constants."""
         refined, first = self.regression.refined, self.apart(best_first(everything), REFINED)
-        near = [one for group in groups for one in self.apart(best_first(group), LOOKED_AT)]
+        near = [one for group in groups for one in self.apart(best_first(group), NEAR_ONES)]
         further = [one for one in dict.fromkeys(near) if one not in first]
         looked = sorted((refined(self.draft_of(one), 1) for one in further), key=lambda draft: -draft.worth)
         drafts = [*(refined(self.draft_of(one)) for one in first), *map(refined, looked[:REFINED])]

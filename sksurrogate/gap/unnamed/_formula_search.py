@@ -19,7 +19,7 @@ from sksurrogate.gap.unnamed._term_library import Library
 from sksurrogate.kernels.disturbance import Noise
 
 #: Formulae that are judged under noise of their own, beside the best of every size.
-SETTLED = 3
+MOST_JUDGED = 3
 #: Share of a formula along the path that is no multiple of another, below which it says the same.
 REPEATED = 1e-3
 #: Pieces of a free curve; share of the samples beyond either end of it.
@@ -57,7 +57,7 @@ def drafts_at(channel: Channel, drivers: Drivers) -> list[Draft]:
     for draft in ranked:  # a better formula with terms added says nothing new
         if not any(set(other.structure) < set(draft.structure) for other in kept):
             kept.append(draft)
-    best = dict.fromkeys([*simplest(kept), *kept[:SETTLED]])
+    best = dict.fromkeys([*simplest(kept), *kept[:MOST_JUDGED]])
     alone = [under_its_own_noise(channel, drivers, draft) for draft in best]
     ranked = [*sorted(alone, key=lambda draft: -draft.level), *(draft for draft in kept if draft not in best)]
     return without_repeats(ranked, [one.coefficients @ drivers.values(one.terms, channel.record) for one in ranked])
