@@ -10,6 +10,7 @@ from sksurrogate.datasets import make_reactor, make_reactor_runs
 from sksurrogate.effects import CATALOGUE
 from sksurrogate.gap.fit._ode import Numerics
 from sksurrogate.gap.search._ode_search import OdeSearch
+from sksurrogate.gap.search._set_moves import SetMoves
 from sksurrogate.physics import ODESimulator
 
 PROBLEM = SimpleNamespace(record=SimpleNamespace(y=np.zeros((1, 10)), n_values=0), numerics=Numerics(1))
@@ -125,3 +126,21 @@ def test_a_form_that_is_not_plausible_keeps_no_other_out(seed):
     assert report.verdict == "explained"
     assert [effect.name for effect in report.effects] == ["coulomb_friction"]
     assert report.effects[0].params["level"] == pytest.approx(0.3, abs=0.005)
+
+
+@pytest.mark.parametrize(
+    ("costs", "far", "leads"),
+    [
+        ({"delay": 2646.0, "lag": 12449.0}, False, True),
+        ({"delay": 2646.0}, False, True),  # the own one ran away
+        ({"delay": 2646.0, "lag": 3000.0}, False, False),
+        ({"lag": 1300.0, "delay": 2646.0}, False, False),
+        ({"delay": 2646.0, "lag": 12449.0}, True, False),
+    ],
+)
+def test_what_comes_nearer_in_the_same_few_steps_is_fitted_to_the_end(costs, far, leads):
+    """Few steps do not tell a set from one that was fitted to the end; they tell it from that one fitted again in as many."""
+    trial = [SimpleNamespace(keys=(name,), fit=SimpleNamespace(cost=cost)) for name, cost in costs.items()]
+    named = SimpleNamespace(keys=("lag",), fit=SimpleNamespace(cost=1260.0))
+    search = SimpleNamespace(is_far=lambda candidate: far)
+    assert SetMoves.leads_its_place(search, trial, named) is leads

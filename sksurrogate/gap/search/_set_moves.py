@@ -19,6 +19,8 @@ from sksurrogate.gap.search._base import BaseSearch, Wanted
 
 #: A fit with so many times the cost of the null has diverged.
 DIVERGED_COST = 100.0
+#: A set that comes so many times nearer in the same few steps may be the nearer one in the end.
+NEARER_AGAIN = 2.0
 #: Candidates of a round that are polished before the best of them is chosen.
 MOST_POLISHED = 4
 
@@ -146,13 +148,19 @@ class SetMoves(BaseSearch[C]):
                 if not trial:
                     continue
                 worth = self.order([trial[0], candidate])
-                if worth(trial[0]) > worth(candidate) + 1.0:
-                    swapped = self.polish(trial[0])
+                nearer = worth(trial[0]) > worth(candidate) + 1.0
+                if nearer or self.leads_its_place(trial, candidate):
+                    swapped = self.polish(trial[0]) if nearer else self.best_polished(trial)
                     better = worth(swapped) > worth(candidate) and self.plausible(swapped)
                     candidate = swapped if better else candidate
             if candidate is start:
                 break
         return candidate
+
+    def leads_its_place(self, trial: Sequence[C], candidate: C) -> bool:
+        """Whether another set came nearer to the data than a candidate near the noise did, where both were fitted again in a few steps."""
+        again = min((one.fit.cost for one in trial if set(one.keys) == set(candidate.keys)), default=np.inf)
+        return bool(not self.is_far(candidate) and again > NEARER_AGAIN * trial[0].fit.cost)
 
 
 def acts(candidate: BaseCandidate) -> bool:
