@@ -29,6 +29,7 @@ from sksurrogate.effects._effect import (
 )
 from sksurrogate.effects._smooth import after
 from sksurrogate.exceptions import DataError
+from sksurrogate.kernels.record import ages_of
 from sksurrogate.kernels.signals import Signal
 
 #: Shares of the longest run at which windows are tried to begin or end.
@@ -98,7 +99,7 @@ class Starting(BaseEffect):
 
     def times(self, starts: np.ndarray, n_samples: int, dt: float) -> np.ndarray:
         """Times of the rows: those that are known (:func:`timed`), else since the first row of every run."""
-        return self.rows_at if self.rows_at is not None else _ages(starts, n_samples) * dt
+        return self.rows_at if self.rows_at is not None else ages_of(starts, n_samples) * dt
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
         """Those of the effect, evident ones too, in windows."""
@@ -293,13 +294,6 @@ def window_share(middle: np.ndarray, bounds: Sequence[Any], span: Sequence[str],
         share = np.clip((middle - bound) / h + 0.5, 0.0, 1.0)
         out = out * (share if name == "onset" else 1.0 - share)
     return out
-
-
-def _ages(starts: np.ndarray, n_samples: int) -> np.ndarray:
-    """Samples since the first row of the run."""
-    first = np.zeros(n_samples, dtype=int)
-    first[starts] = np.diff(np.asarray(starts), prepend=0)
-    return np.arange(n_samples) - np.cumsum(first)
 
 
 _FAMILIES: tuple[tuple[type[BaseEffect], type[Starting]], ...] = (

@@ -31,6 +31,15 @@ def bridged(y: np.ndarray, known: np.ndarray, starts: np.ndarray) -> np.ndarray:
     return out
 
 
+def ages_of(starts: np.ndarray, n_samples: int) -> np.ndarray:
+    """Samples since the first row of the run, int (n_samples,).
+
+    >>> ages_of(np.array([0, 3]), 5).tolist()
+    [0, 1, 2, 0, 1]
+    """
+    return np.arange(n_samples) - np.repeat(starts, np.diff(np.r_[starts, n_samples]))
+
+
 @dataclass(frozen=True, eq=False)
 class Record:
     """Stacked runs, time last and contiguous."""

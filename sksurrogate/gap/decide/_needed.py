@@ -48,14 +48,15 @@ def _without_needless(search: SetSearch[C], final: Evidence[C], whole: float) ->
     if one_form is not None and one_form.fit.cost <= search.tolerated_cost:
         return one_form
     following = _that_may_follow_others(final)
-    if following:
-        least = _nearest_without(search, final, range(len(final.effects)))
-        gone = () if least is None else set(final.candidate.keys).difference(least.keys)
-        if least is not None and least.fit.cost <= search.tolerated_cost and following.issuperset(gone):
-            return least
+    if not following and final.left <= SETTLED:
+        return None
+    fewer = _nearest_without(search, final, range(len(final.effects)))
+    if fewer is not None and following and fewer.fit.cost <= search.tolerated_cost:
+        if following.issuperset(set(final.candidate.keys).difference(fewer.keys)):
+            return fewer
     if final.left <= SETTLED:
         return None
-    fewer, before = _nearest_without(search, final, range(len(final.effects))), search.stood.get(len(final.effects) - 1)
+    before = search.stood.get(len(final.effects) - 1)
     if fewer is not None and before is not None and before.fit.cost < COMES_BACK * fewer.fit.cost:
         fewer = before
     return None if fewer is None or is_needed(whole, fewer.fit.cost, search.tolerated_cost) else fewer

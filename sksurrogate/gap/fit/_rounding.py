@@ -14,7 +14,7 @@ from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.effects._lattice import coherence, lattice_steps, lattice_window, shows_steps
 from sksurrogate.gap.fit._backend import BaseCandidate
 from sksurrogate.gap.fit._ode import OdeCandidate
-from sksurrogate.kernels.record import Record
+from sksurrogate.kernels.record import Record, ages_of
 from sksurrogate.kernels.smoother import resolution
 from sksurrogate.physics._simulator import Plant
 
@@ -54,7 +54,7 @@ def rounds_a_display(effect: BaseEffect, plant: Plant, record: Record) -> bool:
 
 def windowed_lattice(record: Record, output: int) -> tuple[float, int, int] | None:
     """Of an output of a record what :func:`lattice_window` finds: a step, and the ages of the runs between which readings show it."""
-    ages = np.arange(record.n_samples) - np.repeat(record.starts, record.lengths)
+    ages = ages_of(record.starts, record.n_samples)
     return lattice_window(record.measured(output), ages if record.known is None else ages[record.known[output]])
 
 

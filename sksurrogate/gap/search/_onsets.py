@@ -19,6 +19,7 @@ from sksurrogate.gap.search._base import Wanted
 from sksurrogate.gap.search._expander import Expander
 from sksurrogate.gap.search._nested import richer
 from sksurrogate.gap.search._stopping import grows_in_vain, in_vain_from
+from sksurrogate.kernels.record import ages_of
 
 #: Effects that are tried in a window, and columns of the screen that are looked at for them.
 MOST_WINDOWED, MOST_ONSET_COLUMNS = 6, 200
@@ -62,7 +63,7 @@ def confined(screen: Screen, lengths: np.ndarray, least: float) -> list[Confined
     total = float(whole[0] @ whole[0])
     always = _drop(whole[1:] @ whole[0], np.einsum("kn,kn->k", whole[1:], whole[1:]), low)
     best, kind = np.zeros(len(order)), np.zeros(len(order), int)
-    ages = np.arange(stack.shape[-1]) - np.repeat(starts, lengths)
+    ages = ages_of(starts, stack.shape[-1])
     for edges, windows in _windows(ages, int(lengths.max())):
         later = [(starts + edge)[lengths > edge + len(J_x[0])] for edge in edges]
         breaks = np.sort(np.concatenate([starts, *later]))
