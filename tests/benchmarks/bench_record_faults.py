@@ -25,7 +25,7 @@ def judged(case: RecordCase, report: object) -> str:
     if case.fault == "nothing":
         fault = not report.data.kinds
     else:
-        fault = case.fault in report.data.kinds
+        fault = ("shift" if case.fault == "late_inputs" else case.fault) in report.data.kinds
     wrong = ["@".join(map(str, name)) for name in names if name not in right]
     if case.effect and not set(names) & right:
         wrong.append("effect not named")

@@ -1,4 +1,4 @@
-"""Records with faults of their own: four plants, eight kinds of fault, each with and without an unmodelled effect.
+"""Records with faults of their own: four plants, nine kinds of fault, each with and without an unmodelled effect.
 
 The plants are integrated here, with another integrator and step than the package's.
 """
@@ -17,7 +17,7 @@ __all__ = ["FAULTS", "PLANTS", "RecordCase", "make_case"]
 
 #: Runs of a record, and rows of a run.
 RUNS, ROWS = 5, 240
-FAULTS = ("nothing", "spikes", "dropouts", "stuck", "shift", "offset", "gain", "hum", "input_noise")
+FAULTS = ("nothing", "spikes", "dropouts", "stuck", "shift", "offset", "gain", "hum", "input_noise", "late_inputs")
 
 
 @dataclass(frozen=True)
@@ -188,6 +188,9 @@ def _spoil(fault: str, Y: list[np.ndarray], U: list[np.ndarray], rng: Any, sprea
         size = 0.35 * float(np.std(np.concatenate(U)))
         for u in U:
             u[:, 0] += size * rng.normal(size=n)
+    elif fault == "late_inputs":
+        for u in U:
+            u[1:] = u[:-1].copy()
 
 
 def make_case(name: str, fault: str, with_effect: bool, seed: int = 0) -> RecordCase:

@@ -13,7 +13,7 @@ from scipy.signal import lfilter
 from scipy.stats import norm
 
 from sksurrogate.gap import GapDiagnoser
-from sksurrogate.gap.faults._corrections import SMOOTHINGS, Gains, Hum, NoisyInput, Offsets, Shifts, SlowNoise
+from sksurrogate.gap.faults._corrections import SMOOTHINGS, Gains, Hum, Names, NoisyInput, Offsets, Shifts, SlowNoise
 from sksurrogate.gap.faults._fault_left import Alternative, Found
 from sksurrogate.gap.faults._proposals import tone
 from sksurrogate.gap.faults._record_book import RecordBook
@@ -234,6 +234,33 @@ def test_a_late_run_of_a_slow_plant_is_late_by_the_right_samples():
     report = diagnosed(make_case("oven", "shift", False)).report_
     assert report.verdict == "none" and report.effects == []
     assert dict(report.data[0].values) == {1: 5.0}
+
+
+@pytest.mark.parametrize(("plant", "effect"), [("cart", True), ("oven", False)])
+def test_inputs_written_one_row_late_are_no_effect(plant, effect):
+    # Actuators cannot be early: a hidden mode with far parameters came to the noise instead.
+    case = make_case(plant, "late_inputs", effect)
+    report = (
+        GapDiagnoser(case.simulator, free_params="all", n_jobs=1, random_state=0)
+        .fit(case.U, case.Y, case.groups)
+        .report_
+    )
+    assert report.data.kinds == ("shift",) and set(report.data[0].values.values()) == {-1.0}
+    assert "X[1:] with y[:-1]" in report.data[0].remedy
+    assert [effect.name for effect in report.effects] == (["coulomb_friction"] if effect else [])
+    assert report.verdict == ("explained" if effect else "none")
+
+
+@pytest.mark.parametrize(
+    ("values", "said", "way_out"),
+    [([-2.0, -2.0], "come 2 samples before", "X[2:] with y[:-2]"), ([0.0, 3.0], "come 3 samples after", "one clock"),
+     ([-1.0, 2.0], "come up to 2 samples apart from", "one clock"), ([-1.0, 0.0], "come 1 sample before", "one clock")],
+)  # fmt: skip
+def test_a_shift_says_its_direction_and_what_to_do(values, said, way_out):
+    record = Record(np.zeros((1, 20)), np.zeros((1, 20)), np.arange(20.0), np.array([0, 10]), 1.0)
+    names = Names(("u",), ("y",), ["a", "b"], np.array([0, 10]))
+    fault = Shifts(None, np.array(values)).described(record, names, 0.5)
+    assert said in fault.what and way_out in fault.remedy
 
 
 def test_a_late_run_beside_a_loss_is_no_law():

@@ -322,7 +322,18 @@ class Shifts(_OfRuns):
     """All outputs of a run come some samples later than its inputs say, or earlier: ``values`` are these samples."""
 
     kind, effect = "shift", "sensor_delay"
-    remedy = "Give inputs and outputs one clock; shift the outputs of these runs by these samples."
+    remedy = "{fault.way_out}"
+
+    @property
+    def way_out(self) -> str:
+        """Where the outputs of all runs come equally early, their inputs were written late."""
+        rows = -int(self.values.max())
+        if rows > 0 and np.all(self.values == -rows):
+            return (
+                f"The input of a row acts from this row to the next; here the row before has it. Diagnose X[{rows}:] with "
+                f"y[:-{rows}] of every run."
+            )
+        return "Give inputs and outputs one clock; shift the outputs of these runs by these samples."
 
     def corrected(self, record: Record) -> Record:
         """Outputs moved back; what is then missing at an end of the run was not measured."""

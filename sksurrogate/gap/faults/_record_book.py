@@ -11,6 +11,7 @@ import numpy as np
 
 from sksurrogate.gap.faults._corrections import BaseFault, Names, NoisyInput
 from sksurrogate.gap.faults._fault_left import Alternative, fault_left, tone_left
+from sksurrogate.gap.faults._late_inputs import inputs_late
 from sksurrogate.gap.faults._wrong_readings import outlying_beside, wrong_readings
 from sksurrogate.gap.fit._backend import BaseCandidate
 from sksurrogate.gap.fit._closeness import AT_THE_NOISE, SETTLED
@@ -92,6 +93,10 @@ class RecordBook:
             return replace(self.earlier, closed=True)  # in the record as it came the names leave less, or are likelier
         if self.closed or self.depth >= MOST_ROUNDS:
             return self
+        if self.earlier is None and (final.effects or final.left > AT_THE_NOISE):
+            late = inputs_late(search, len(self.raw.starts))
+            if late is not None:
+                return self.with_fault(late, max(final.left, AT_THE_NOISE))
         odd = outlying_beside(final, search.fitted_null.candidate)
         if odd is not None:
             return self.with_fault(replace(odd, rows=rows[odd.rows]), np.inf)

@@ -77,7 +77,7 @@ def _verdict(report: ReportData) -> str:
         by_then = f" Found by then, not judged yet: {_named(report)}." if report.effects else ""
         return f"The diagnosis stopped before it had an answer.{by_then}"
     if report.verdict == "none":
-        return _no_gap(report.shrink)
+        return _no_gap(report)
     if report.verdict in ("explained", "partial"):
         part, rest = (" in part", _what_remains(report)) if report.verdict == "partial" else ("", "")
         return f"The gap is explained{part} by {_named(report)}{_which_closes(report)}.{rest}"
@@ -110,11 +110,13 @@ def _which_closes(report: ReportData) -> str:
     return f", which {closed}" if closed else ""
 
 
-def _no_gap(shrink: Shrink) -> str:
+def _no_gap(report: ReportData) -> str:
     """Too small to matter, or within noise and disturbance."""
+    shrink = report.shrink
     if shrink.measurable and shrink.before < PRACTICAL:
         return f"The simulator misses the outputs by {percent(shrink.before)} of their deviation, too little to matter."
-    return "The simulator agrees with the data to within noise and disturbance."
+    cleaned = ", once the faults of the record are taken out" if any(fault.taken_out for fault in report.data) else ""
+    return f"The simulator agrees with the data to within noise and disturbance{cleaned}."
 
 
 def _uncertain(report: ReportData) -> str:

@@ -78,12 +78,14 @@ class DataFault:
         n, size = len(self.rows), f"{self.size:.3g}"
         where = "the record" if self.runs == (None,) else runs_text(self.runs)  # one run without a label
         rows = f" ({'row' if n == 1 else 'rows'} {listed([str(row) for row in self.rows])})" if self.rows else ""
-        single = f"{size}" if len(self.values) == 1 else f"up to {size}"
+        given = set(self.values.values())
+        single = f"{size}" if len(given) <= 1 else f"up to {size}"
+        side = "after" if min(given, default=1.0) > 0 else "before" if max(given) < 0 else "apart from"
         return {
             "spikes": f"{n} spike{'s' if n != 1 else ''} of up to {size} in {where}{rows}",
             "dropouts": f"{n} readings dropped out by up to {size} in {where}{rows}",
             "stuck": f"the sensor repeated one value for {n} readings in {where}{rows}",
-            "shift": f"outputs and inputs are {single} samples apart in {where}",
+            "shift": f"outputs come {single} {'sample' if single == '1' else 'samples'} {side} their inputs in {where}",
             "offset": f"an offset of {single} in {where}",
             "gain": f"a gain error of {100 * self.size:.3g} % in {where}",
             "hum": f"a tone of amplitude {size} in {where}",

@@ -1,0 +1,74 @@
+"""Inputs written some rows too late: every reading comes before its cause, which no effect of a plant can do."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from sksurrogate.gap.faults._corrections import Shifts
+from sksurrogate.gap.fit._backend import BaseCandidate
+from sksurrogate.gap.fit._closeness import AT_THE_NOISE, is_at_noise
+from sksurrogate.gap.fit._evidence import CERTAIN, FEW_STEPS, estimate_noise
+from sksurrogate.gap.search._base import BaseSearch
+
+#: Rows that are tried: one where the row of a reading holds the input that led to it, two where a logger adds one more.
+ROWS_LATE = (1, 2)
+#: Single effects, the likeliest, beside which a shift is tried.
+MOST_SINGLES = 8
+#: Share of what the simulator alone leaves above the noise that a shift takes, to be tried where names leave something.
+MOST_OF_THE_GAP = 0.5
+
+
+def inputs_late(search: BaseSearch[Any], n_runs: int) -> Shifts | None:
+    """The shift of all runs with which effects are to be looked for again, after some were named; None where there is none.
+
+    It lowers what the simulator alone leaves. And either a simple model comes to the noise with it and is likelier than what was named;
+    or names leave more than the noise, and the simulator alone leaves less than half of what it did.
+
+    ``n_runs``: of the whole record.
+    """
+    named = search.standing
+    shifts = (Shifts(None, np.full(n_runs, -rows)) for rows in ROWS_LATE)
+    alone = max((_Shifted(shift, search.fitted_null.candidate) for shift in shifts), key=lambda one: one.taken)
+    if alone.taken <= 0.0:
+        return None
+    beside = [_Shifted(alone.shift, model) for model in (*search.first_round[:MOST_SINGLES], named.candidate)]
+    likelier = max(one.score(search) for one in (alone, *beside)) > search.score(named.candidate) + CERTAIN
+    left = named.left > AT_THE_NOISE and alone.taken > MOST_OF_THE_GAP
+    return alone.shift if likelier or left else None
+
+
+@dataclass(frozen=True, eq=False)
+class _Shifted:
+    """A model fitted to the shifted record, from its nominal parameters: they were fitted to causes that come too late."""
+
+    shift: Shifts
+    before: BaseCandidate
+
+    @cached_property
+    def after(self) -> BaseCandidate | None:
+        """None where it has no free run."""
+        nominal = self.before.at_nominal()
+        return None if nominal is None else nominal.refitted(self.shift.corrected(self.before.problem.record))
+
+    @property
+    def taken(self) -> float:
+        """Share of the excess over the noise that the shift takes."""
+        before, after = self.before, self.after
+        if after is None:
+            return 0.0
+        left = after.fit.cost - after.problem.record.n_values
+        return 1.0 - left / max(before.fit.cost - before.problem.record.n_values, 1.0)
+
+    def score(self, search: BaseSearch[Any]) -> float:
+        """As that of a set of effects, the number of rows being one parameter more; -inf above the noise."""
+        after = self.after
+        if after is None or not is_at_noise(after.fit.cost, after.problem.record.n_values):
+            return -np.inf
+        likelihood = estimate_noise(after, search.standing.noise, max_iterations=FEW_STEPS).log_likelihood
+        # readings that the shift leaves without a cause count as the mean of the others
+        likelihood *= search.n_values / after.problem.record.n_values
+        return float(likelihood - 0.5 * search.prior_cost(after) - search.price(after) - 0.5 * np.log(search.n_values))
