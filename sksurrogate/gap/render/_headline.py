@@ -24,7 +24,6 @@ from sksurrogate.gap.results._effect_estimate import EffectEstimate
 from sksurrogate.gap.results._next_experiment import ENOUGH, NATS_THAT_SETTLE, TIED_LISTED
 from sksurrogate.gap.results._reasons import UNDECIDED
 from sksurrogate.gap.results._report_data import ReportData
-from sksurrogate.gap.results._shrink import Shrink
 
 #: A formula longer than this (characters) is not read in a sentence.
 LONGEST_LINE = 80
