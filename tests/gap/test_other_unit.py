@@ -5,7 +5,9 @@ import pytest
 
 from sksurrogate.exceptions import SimulatorError
 from sksurrogate.gap import GapDiagnoser
-from sksurrogate.gap.fit._other_unit import _divided, _explained, _slower, other_unit
+from sksurrogate.gap.fit._explained import explained
+from sksurrogate.gap.fit._other_columns import divided
+from sksurrogate.gap.fit._other_unit import _slower, other_unit
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics import ODESimulator
 from sksurrogate.physics._model import PlantModel
@@ -66,7 +68,7 @@ def test_a_simulator_that_stands_still_is_in_no_other_unit_of_time():
     y = [(s / np.sqrt(s**2 + (1.0 - s**2) * np.exp(-8.0 * t)))[:, None] for s in starts]  # of dx/dt = 4 (x - x^3)
     record = Record.from_runs([np.zeros((60, 0))] * 4, y, [t] * 4, 0.1)
     model = PlantModel(describe(simulator))
-    assert _explained(model, _slower(record, 1e-3)) > 0.9 and _explained(model, record) < 0.0
+    assert explained(model, _slower(record, 1e-3)) > 0.9 and explained(model, record) < 0.0
     assert other_unit(model, record) == ""
 
 
@@ -185,8 +187,8 @@ def test_a_plant_that_only_moves_less_is_in_no_other_unit():
     U = [np.repeat(np.random.default_rng(seed).uniform(-5, 5.5, (12, 1)), 20, axis=0) for seed in range(3)]
     record = Record.from_runs(U, [plant.simulate(u) for u in U], [0.02 * np.arange(240)] * 3, 0.02)
     nominal = PlantModel(describe(plant.set_params(params__k=0.0)))
-    assert _explained(nominal, record) < 0.0
-    assert _explained(nominal, _divided(record, np.full(1, 1000.0), np.full(1, 1000.0))) > 0.5
+    assert explained(nominal, record) < 0.0
+    assert explained(nominal, divided(record, np.full(1, 1000.0), np.full(1, 1000.0))) > 0.5
     assert other_unit(nominal, record) == ""
 
 
@@ -207,7 +209,45 @@ def test_a_simulator_at_its_limits_is_in_no_other_unit():
         PlantModel(describe(ODESimulator(rhs(0.0), **names))),
     )
     assert (
-        _explained(nominal, _divided(record, np.full(1, 1e-3), np.full(1, 1e-3)))
-        > max(_explained(nominal, record), 0.0) + 0.5
+        explained(nominal, divided(record, np.full(1, 1e-3), np.full(1, 1e-3)))
+        > max(explained(nominal, record), 0.0) + 0.5
     )
     assert other_unit(nominal, record) == ""
+
+
+def heated(t, x, u, p):
+    return 0.1 * u[0] - 0.2 * (x[0] - x[1]), 0.1 * (x[0] - x[1]) - 0.05 * (x[1] - u[1])
+
+
+def room(change):
+    """A heater in a room, its power and the temperature outside given, as ``change`` writes them down."""
+    rng = np.random.default_rng(5)
+    simulator = ODESimulator(
+        heated, states=["heater", "air"], inputs=["power", "outside"], outputs=["heater", "air"], params={}, dt=1.0
+    )
+    U = [np.repeat(np.c_[rng.uniform(0, 40, 12), rng.uniform(0, 15, 12)], 10, axis=0) for _ in range(2)]
+    Y = [simulator.simulate(u, x0=[20.0, 15.0]) for u in U]
+    U, Y = zip(*(change(u.copy(), y + 0.1 * rng.normal(size=y.shape)) for u, y in zip(U, Y)))
+    record = Record.from_runs(list(U), list(Y), [np.arange(120.0)] * 2, 1.0)
+    return other_unit(PlantModel(describe(simulator)), record)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda u, y: (u * [1000.0, 1.0], y), "power divided by 1000"),
+        (lambda u, y: (u + [0.0, 273.15], y), "273.15 taken from outside"),
+        (lambda u, y: (u, y + 273.15), "273.15 taken from heater, air"),
+        (lambda u, y: (u, y + [273.15, 0.0]), "273.15 taken from heater"),
+        (lambda u, y: (u[:, ::-1], y), "power and outside exchanged"),
+        (lambda u, y: (u, y[:, ::-1]), "heater and air exchanged"),
+    ],
+)
+def test_single_columns_written_otherwise_are_found(change, words):
+    assert f"With {words} the simulator alone explains" in room(change)
+
+
+def test_an_input_without_a_part_is_in_no_other_unit():
+    # A heater that is off: a hundredth of its power explains the record, none of it does too.
+    dead = lambda u, y: (u, np.full_like(y, 15.0) + 0.1 * np.random.default_rng(6).normal(size=y.shape))  # noqa: E731
+    assert room(dead) == "" and room(lambda u, y: (u, y)) == ""

@@ -43,7 +43,7 @@ class BaseAccess(ABC, Generic[C]):
     scale: np.ndarray | None = None  #: (n_states,): size of the states
     beside: LawLeft | None = None  #: The likeliest law without a name beside what stands, where one was looked for
     places: list[Place] | None = None  #: Of the gap, the most likely first; None before what is left was looked at
-    other_unit: str = ""  #: A sentence where the record fits in another unit of time or of its readings
+    other_unit: str = ""  #: A sentence where the record fits in another unit, or with two columns exchanged
 
     def __init__(self, search: SetSearch[C], seed: int, excluded: Collection[str] = ()):
         self.search, self.seed, self.complete, self.excluded = search, seed, True, frozenset(excluded)

@@ -81,7 +81,7 @@ def _verdict(report: ReportData) -> str:
         part, rest = (" in part", _what_remains(report)) if report.verdict == "partial" else ("", "")
         return f"The gap is explained{part} by {_named(report)}{_which_closes(report)}.{rest}"
     if report.reasons.rule == "other_unit":
-        return "The record seems to have another unit than the simulator: of time or of readings."
+        return "The record seems to be written otherwise than the simulator expects: in another unit, or with columns exchanged."
     return _uncertain(report) if report.reasons.rule == "uncertain_names" else _unknown(report)
 
 
@@ -248,7 +248,7 @@ def _steps(report: ReportData) -> list[str]:
     if _is_undecided(report):
         return ["Run the diagnosis again: with more time, fewer candidates (effects=[...]) or more workers (n_jobs=2)."]
     if report.reasons.rule == "other_unit":
-        return ["Write dt and the data in the units of the simulator (a note says which fits), and diagnose again."]
+        return ["Write dt and the data as the simulator has them (a note says what fits), and diagnose again."]
     if report.verdict == "none":
         return ["To look further, excite the plant harder or over a wider range, and record again."]
     steps = _to_separate(report)

@@ -1,0 +1,90 @@
+"""Whether single columns of the record are written otherwise: an input in another unit, temperatures in kelvin, two columns exchanged."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from itertools import combinations
+
+import numpy as np
+
+from sksurrogate.gap.fit._explained import MORE_EXPLAINED, NOTHING_HELPS, explained
+from sksurrogate.kernels.record import Record
+from sksurrogate.physics._model import PlantModel
+
+#: What people confuse in readings: degrees and radians, thousandths, hundredths; how much larger the numbers are than the simulator's.
+DEGREES = 180.0 / np.pi
+OF_READINGS = (DEGREES, 1000.0, 100.0, 1 / DEGREES, 1 / 1000.0, 1 / 100.0)
+#: Kelvin and degrees Celsius.
+KELVIN = 273.15
+#: Columns of a kind, inputs or outputs, of which single ones are tried: a look is a free run.
+MOST_COLUMNS = 4
+#: A column so far off has no part in the motion: where the simulator explains as much with it, its unit is not seen.
+FAR_OFF = 1e9
+
+
+def of_columns(model: PlantModel, record: Record, own: float) -> tuple[float, str]:
+    """Share of the record that the simulator alone explains after something is done to few columns, and a sentence; empty where nothing helps.
+
+    ``own``: share that it explains of the record as it is.
+    """
+    first = record.rows(np.arange(record.lengths[0]), np.array([0]))
+    shares = {what: explained(model, other) for what, other in _written_otherwise(model, first)}
+    what = max(shares, key=lambda one: round(shares[one], 3), default="")  # of equals the first: the fewest columns
+    if not what or shares[what] < own + MORE_EXPLAINED:
+        return NOTHING_HELPS
+    share = explained(model, dict(_written_otherwise(model, record))[what])
+    if share < own + MORE_EXPLAINED:
+        return NOTHING_HELPS
+    return share, (
+        f"With {what} the simulator alone explains {100 * share:.0f} % of every output's variance, with the record as it is "
+        f"{100 * own:.0f} %: are the columns of the record those of the simulator, in its units? Mend these columns."
+    )
+
+
+def _written_otherwise(model: PlantModel, record: Record) -> Iterator[tuple[str, Record]]:
+    """What may be done to columns, in words, and the record with it."""
+    inputs, outputs = model.plant.inputs[:MOST_COLUMNS], model.plant.outputs[:MOST_COLUMNS]
+    m, n, same = len(record.u), len(record.y), np.ones(len(record.y))
+    for i, name in enumerate(inputs):
+        if 1.0 - explained(model, divided(record, _one(m, i, FAR_OFF), same)) > MORE_EXPLAINED:
+            for factor in OF_READINGS:
+                yield in_words(factor, [name]), divided(record, _one(m, i, factor), same)
+    for offset in (KELVIN, -KELVIN):
+        verb = f"{KELVIN:g} {'taken from' if offset > 0 else 'added to'}"
+        for i, name in enumerate(inputs):
+            yield f"{verb} {name}", record.with_inputs(record.u - offset * (np.arange(m) == i)[:, None])
+        for j, name in enumerate(outputs):
+            yield f"{verb} {name}", replace(record, y=record.y - offset * (np.arange(n) == j)[:, None])
+        if n > 1:
+            yield f"{verb} {', '.join(model.plant.outputs)}", replace(record, y=record.y - offset)
+    for a, b in combinations(range(len(outputs)), 2):
+        yield f"{outputs[a]} and {outputs[b]} exchanged", replace(record, y=record.y[_exchanged(n, a, b)])
+    for a, b in combinations(range(len(inputs)), 2):
+        yield f"{inputs[a]} and {inputs[b]} exchanged", record.with_inputs(record.u[_exchanged(m, a, b)])
+
+
+def _one(n: int, i: int, factor: float) -> np.ndarray:
+    """Ones (n,), and a factor at i."""
+    return np.where(np.arange(n) == i, factor, 1.0)
+
+
+def _exchanged(n: int, a: int, b: int) -> np.ndarray:
+    """Numbers (n,) of columns two of which are exchanged."""
+    order = np.arange(n)
+    order[[a, b]] = b, a
+    return order
+
+
+def divided(record: Record, inputs: np.ndarray, outputs: np.ndarray) -> Record:
+    """Signals in other units."""
+    return replace(record.with_inputs(record.u / inputs[:, None]), y=record.y / outputs[:, None])
+
+
+def in_words(factor: float, names: Sequence[str]) -> str:
+    """What is done to some columns."""
+    what = ", ".join(names)
+    if factor in (DEGREES, 1 / DEGREES):
+        units = ("degrees", "radians") if factor > 1 else ("radians", "degrees")
+        return f"{what} taken from {units[0]} to {units[1]}"
+    return f"{what} divided by {factor:g}" if factor > 1 else f"{what} times {1 / factor:g}"
