@@ -140,15 +140,20 @@ class Plant:
         return (*self.inputs, *self.further_ports)
 
 
-def simulated(simulator: Any, U: np.ndarray, x0: Any = None, *t: Any) -> np.ndarray:
+def simulated(simulator: Any, U: np.ndarray, x0: Any = None, t: Any = None) -> np.ndarray:
     """``simulate`` of a run, on copies: what it writes into its arguments, or at its next call into what it gave, stays its own."""
-    return np.array(simulator.simulate(np.array(U), None if x0 is None else np.array(x0, dtype=float), *t), dtype=float)
+    return np.array(simulator.simulate(np.array(U), *_given(x0, t)), dtype=float)
 
 
-def simulated_batch(simulator: Any, U: np.ndarray, X0: Any = None, *t: Any) -> np.ndarray:
+def simulated_batch(simulator: Any, U: np.ndarray, X0: Any = None, t: Any = None) -> np.ndarray:
     """``simulate_batch``, on copies."""
-    start = None if X0 is None else np.array(X0, dtype=float)
-    return np.array(simulator.simulate_batch(np.array(U), start, *t), dtype=float)
+    return np.array(simulator.simulate_batch(np.array(U), *_given(X0, t)), dtype=float)
+
+
+def _given(x0: Any, t: Any) -> list[Any]:
+    """Further arguments of a run, up to the last one that is given: a simulator need not take the others."""
+    start = None if x0 is None else np.array(x0, dtype=float)
+    return [start, t] if t is not None else [start] if start is not None else []
 
 
 def _names(given: Sequence[str] | None, count: int | None, letter: str) -> tuple[str, ...]:

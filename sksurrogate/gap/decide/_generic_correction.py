@@ -49,7 +49,7 @@ class SimulatedOnce:
         keys = [_key(*run) for run in zip(U, [None] * len(U) if x0 is None else x0)] if batch else [_key(U, x0)]
         check_time()
         if not all(key in self._known for key in keys):
-            found = simulate(U, x0)
+            found = simulate(U) if x0 is None else simulate(U, x0)
             self._known.update(zip(keys, found if batch else [found]))
         return np.stack([self._known[key] for key in keys]) if batch else self._known[keys[0]]
 

@@ -124,7 +124,7 @@ class Channel:
                 self.D,
                 self.r,
                 self.noise,
-                np.array([self.unit]),
+                np.full(self.D.b, self.unit),
                 J,
                 np.full(J.shape[1], 1e-12),
                 np.zeros(J.shape[1]),
