@@ -36,7 +36,7 @@ def problem_of(true=slow, seed=0, free=()):
     Y = [y + NOISE * rng.normal(size=y.shape) for y in Y]
     plant = describe(simulator(), n_inputs=1, n_outputs=1, dt=DT)
     record = Record.from_runs(U, Y, [DT * np.arange(N)] * RUNS, DT)
-    return build_problem(plant, PlantModel(plant), record, free, ("level",))
+    return build_problem(PlantModel(plant), record, free, ("level",))
 
 
 def test_a_quiet_force_moves_no_output_by_more_than_its_share_of_the_noise():

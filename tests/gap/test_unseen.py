@@ -35,7 +35,7 @@ def problem_of(spring, angles, loss=0.5):
     Y = [y + NOISE * rng.normal(size=y.shape) for y in Y]
     plant = describe(shaft(), n_inputs=1, n_outputs=1, dt=DT)
     record = Record.from_runs(U, Y, [DT * np.arange(N)] * RUNS, DT)
-    return build_problem(plant, PlantModel(plant), record, (), ("speed",))
+    return build_problem(PlantModel(plant), record, (), ("speed",))
 
 
 def null_of(problem, x):

@@ -47,10 +47,8 @@ class LinearSurrogate:
 
     def transients(self) -> np.ndarray:
         """Outputs after a unit of every initial state (n_outputs, n_states, n_samples)."""
-        n = len(self.A)
-        b = np.zeros((n, n, self.n_samples))
-        for i in range(n):
-            b[i, i, self.starts] = self.scale[i]
+        b = np.zeros((*self.A.shape, self.n_samples))
+        b[:, :, self.starts] = np.diag(self.scale)[:, :, None]
         return np.einsum("oi,ikt->okt", self.C, solve_recursion(self.band, b))
 
     def disturbance(
@@ -103,16 +101,8 @@ def learn(record: Record, y: np.ndarray) -> LinearSurrogate:
             if np.isfinite(error):
                 trials.append((error, n + through, model))
     if not trials:
-        m, k = len(y), len(record.u)
-        return LinearSurrogate(
-            0.5 * np.eye(m),
-            np.zeros((m, k)),
-            np.eye(m),
-            np.zeros((m, k)),
-            spread[:, 0],
-            record.starts,
-            record.n_samples,
-        )
+        A, none = np.eye(len(y)), np.zeros((len(y), len(record.u)))
+        return LinearSurrogate(0.5 * A, none, A, none, spread[:, 0], record.starts, record.n_samples)
     best = min(error for error, _, _ in trials)
     _, _, model = min((item for item in trials if item[0] <= WORSE * best + 1e-4), key=lambda item: item[1:2])
     return replace(model, B=model.B / size.T, C=spread * model.C, D=spread * model.D / size.T)
@@ -123,9 +113,7 @@ def _free_error(model: LinearSurrogate, u: np.ndarray, z: np.ndarray, b: np.ndar
     n = len(model.A)
     load = np.zeros((n, 1 + n, model.n_samples))
     load[:, 0, 1:] = (model.B @ u + b[:, None])[:, :-1]
-    load[:, :, model.starts] = 0.0
-    for i in range(n):
-        load[i, 1 + i, model.starts] = 1.0
+    load[:, :, model.starts] = np.eye(n, 1 + n, 1)[:, :, None]
     x = solve_recursion(model.band, load)
     seen = np.einsum("oi,ikt->kot", model.C, x)
     r = z - seen[0] - model.D @ u - c[:, None]

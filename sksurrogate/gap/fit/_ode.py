@@ -18,7 +18,7 @@ from sksurrogate.gap.fit._closeness import FAR_BY_COST, worth_following
 from sksurrogate.gap.fit._coordinates import coordinates_of
 from sksurrogate.gap.fit._known_parameters import KnownParameters
 from sksurrogate.gap.fit._neighbours import Neighbours
-from sksurrogate.gap.fit._normal_equations import StartBasis, projected, start_bases
+from sksurrogate.gap.fit._normal_equations import StartBasis, project_in_place, start_bases
 from sksurrogate.gap.fit._pushes import REMEMBERED
 from sksurrogate.gap.fit._recent import recent_property
 from sksurrogate.kernels.arrow import Arrow
@@ -129,9 +129,9 @@ class OdeCandidate(BaseCandidate):
         return int(np.sum(self.model.free_states)) * len(self.problem.record.starts)
 
     def without_starts(self, columns: np.ndarray, starts: np.ndarray | None = None) -> np.ndarray:
-        white = 1.0 / self.problem.sd[:, None]
-        bases = self.start_bases if starts is None else self._bases_from(starts)
-        return projected(self.problem.record.seen(columns) * white, bases)
+        white = np.ascontiguousarray(self.problem.record.seen(columns) * (1.0 / self.problem.sd[:, None]))
+        project_in_place(white, self.start_bases if starts is None else self._bases_from(starts))
+        return white
 
     def frozen(self, theta: np.ndarray, *, near: bool = False) -> OdeCandidate | None:
         """Free run at fixed parameters with the initial states fitted; ``near`` this one, to which it falls back."""
@@ -240,7 +240,6 @@ class OdeCandidate(BaseCandidate):
 class OdeBackend(Backend):
     """Everything that the questions of a diagnosis share."""
 
-    plant: Plant
     model: PlantModel
     record: Record
     sd: np.ndarray
@@ -254,6 +253,15 @@ class OdeBackend(Backend):
     run: np.ndarray | None = None
     known: KnownParameters = field(default_factory=KnownParameters)
     near: Neighbours = field(default_factory=dict)  #: States near each balance of a large plant
+
+    @property
+    def plant(self) -> Plant:  # type: ignore[override]
+        return self.model.plant
+
+    @property
+    def nominal_model(self) -> AugmentedModel:
+        """The simulator alone, its parameters as they are."""
+        return replace(self, free=()).augmented(())
 
     @property
     def sharpness(self) -> float:  # type: ignore[override]
@@ -326,12 +334,11 @@ class OdeBackend(Backend):
                 fallback = settle_hidden(model, theta, fallback)
             unit = self.units(effects, theta)
             low, high = self.bounds(effects)
-            fit: Fit | None = None
             fell_back = False
             centre, prior = self.prior(effects, theta)
             steps = coordinates_of(effects, model.slice_of, self.signals_along(start))
             for repeat in range(3 if self.free else 1):
-                fit = output_error(
+                found = output_error(
                     steps.model(model),
                     steps.of(theta),
                     start,
@@ -349,16 +356,15 @@ class OdeBackend(Backend):
                     idle=0.0 if settled else IDLE_NATS * 2 * REMEMBERED / self.record.n_values,
                     idle_above=FAR_BY_COST * self.record.n_values,
                 )
-                fit = steps.in_parameters(fit)
-                if fit is None:
+                if found is None:
                     return None
+                fit = steps.in_parameters(found)
                 fell_back = fell_back and not fit.fell_back if repeat else fit.fell_back  # the first alone
                 # Student's t as a reweighted Gaussian: few rounds settle it.
                 before, (centre, prior) = prior, self.prior(effects, fit.theta)
                 if np.allclose(before, prior, rtol=0.3):
                     break
                 theta, start = fit.theta, fit.x
-        assert fit is not None
         return self.candidate(effects, replace(fit, fell_back=fell_back), model)
 
     def units(self, effects: Sequence[BaseEffect], theta: np.ndarray) -> np.ndarray:

@@ -121,7 +121,7 @@ class CandidateColumns:
         evident, starts = [], [] if chosen is None else chosen.get(effect.key, [])
         jumps = bool(effect.scan(tuple(1.0 for _ in effect.parameters)))
         if chosen is None or effect.kind == "output" or jumps:
-            probe = probe_of(s.problem, effect, s.smoothed.x, s.problem.rate, self.slopes if jumps else None)
+            probe = probe_of(s.problem, effect, s.smoothed.x, s.problem.rate, self.slopes.of if jumps else None)
             evident = effect.evident(probe)
             starts = effect.starts(probe) if chosen is None or jumps else starts
         starts = list(dict.fromkeys([*evident, *starts]))
