@@ -204,7 +204,7 @@ def _best_of_each(starts: Sequence[Start], most: int) -> np.ndarray:
     """Places of the best starting values of every effect, in their order, both quadratures of a sine; evident ones stay."""
     ranks: dict[int, dict[object, int]] = {}
     kept = []
-    for k in sorted(range(len(starts)), key=lambda k: -max(starts[k].white, starts[k].forced)):
+    for k in sorted(range(len(starts)), key=lambda k: -starts[k].promises):
         effect, values = starts[k].effect, starts[k].theta
         sine = any(parameter.name == "phase" for parameter in effect.parameters)
         rank = ranks.setdefault(id(effect), {})
