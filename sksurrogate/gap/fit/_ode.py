@@ -125,6 +125,11 @@ class OdeCandidate(BaseCandidate):
         return self.fit.x
 
     @property
+    def states(self) -> np.ndarray:
+        """Of the plant along the free run (n_states, n_samples), without those of the effects' own."""
+        return self.fit.x[: self.model.n_nominal]
+
+    @property
     def n_starts(self) -> int:
         return int(np.sum(self.model.free_states)) * len(self.problem.record.starts)
 
@@ -151,7 +156,7 @@ class OdeCandidate(BaseCandidate):
 
     def taken_out(self, i: int) -> OdeCandidate | None:
         rest, theta = self.without_effect(i)
-        model, x = self.problem.augmented(rest), self.fit.x[: self.model.n_nominal]
+        model, x = self.problem.augmented(rest), self.states
         if model.n_states > model.n_nominal:
             x = settle_hidden(model, theta, x)
         return self.problem.candidate(rest, replace(self.fit, theta=theta, x=x), model).frozen(theta)
@@ -217,7 +222,7 @@ class OdeCandidate(BaseCandidate):
         return np.abs(fits[0].fit.theta - fits[1].fit.theta)
 
     def initial_states(self) -> np.ndarray:
-        return self.fit.x[: self.model.n_nominal, self.problem.record.starts].T
+        return self.states[:, self.problem.record.starts].T
 
     @property
     def signals(self) -> dict[str, np.ndarray]:
@@ -301,16 +306,11 @@ class OdeBackend(Backend):
         """Places of the balances among the states."""
         return [self.plant.states.index(name) for name in self.balances]
 
-    @property
-    def rigid(self) -> np.ndarray:
-        """Kinematic rows, in which no balance can be wrong."""
-        return np.array([name not in self.balances for name in self.plant.states])
-
     def smooth(self, model: AugmentedModel, theta: np.ndarray, x: np.ndarray) -> Smoothed:
         """Smoothed trajectory of a model, from a guess of all its states."""
-        rigid = np.r_[self.rigid, np.ones(model.n_states - model.n_nominal, bool)]
+        rigid, record = np.ones(model.n_states, bool), self.record
+        rigid[self.rows_of_balances] = False  # in others no balance can be wrong
         with np.errstate(all="ignore"):
-            record = self.record
             bound = model.bind(theta[:, None])
             return smooth(bound, record.y, record.starts, self.sd, x, model.scale, rigid=rigid, known=record.known)
 
@@ -370,15 +370,10 @@ class OdeBackend(Backend):
     def units(self, effects: Sequence[BaseEffect], theta: np.ndarray) -> np.ndarray:
         """Sizes of the parameters for differences near 0."""
         unit = np.where(np.abs(theta) > 0, np.abs(theta), 1e-3)
-        position = 0
-        for effect in effects:
-            for parameter in effect.parameters:
-                if parameter.name in ("phase", "share", "relative_error", "exponent"):
-                    unit[position] = max(unit[position], 0.1)
-                position += 1
-        unit[position:] = [
-            1.0 if self.plant.params[name] != 0 else max(abs(v), 1e-2) for name, v in zip(self.free, theta[position:])
-        ]
+        names = [parameter.name for effect in effects for parameter in effect.parameters]
+        some = [k for k, name in enumerate(names) if name in ("phase", "share", "relative_error", "exponent")]
+        unit[some], n = np.maximum(unit[some], 0.1), len(names)
+        unit[n:] = [1.0 if self.plant.params[name] != 0 else max(abs(v), 1e-2) for name, v in zip(self.free, theta[n:])]
         return unit
 
     # ---- likelihood -------------------------------------------------------------------------------------------------

@@ -115,9 +115,9 @@ class BaseSearch(ABC, Generic[C]):
                 self.judge(judged_under(candidate, [self.standing.noise, null.noise]))
         passing = [candidate for candidate in nearest if self.gain(candidate) > self.threshold(candidate.n_parameters)]
         if passing:
-            best = max(passing, key=self.order(passing))
-            stands = self.standing.candidate
-            if best is not stands and self.order([best, stands])(best) > self.order([best, stands])(stands):
+            best, stands = max(passing, key=self.order(passing)), self.standing.candidate
+            worth = self.order([best, stands])
+            if best is not stands and worth(best) > worth(stands):
                 self.judge(estimate_noise(best, self.judged[best].noise, max_iterations=FEW_STEPS))
                 self.stand(best)
 
