@@ -233,13 +233,12 @@ def _places(first: Plant, second: Plant, what: str) -> list[int]:
 
 def _limits(limits: Any, inputs: Sequence[str]) -> list[tuple[float, float]]:
     """(low, high) of every input."""
-    given = dict(limits) if isinstance(limits, Mapping) else None
-    if given is not None:
-        unknown, missing = [n for n in given if n not in inputs], [n for n in inputs if n not in given]
+    if isinstance(limits, Mapping):
+        unknown, missing = [n for n in limits if n not in inputs], [n for n in inputs if n not in limits]
         if unknown or missing:
             wrong = f"{unknown[0]!r} is not an input of a" if unknown else f"the input {missing[0]!r} is missing"
             raise DataError(f"limits={limits!r}: {wrong}; expected (low, high) for each of {list(inputs)}.")
-        pairs = [given[name] for name in inputs]
+        pairs = [limits[name] for name in inputs]
     else:
         pairs = list(limits) if isinstance(limits, Sequence | np.ndarray) else []
         if len(pairs) != len(inputs):

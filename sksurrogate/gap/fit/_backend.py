@@ -113,11 +113,6 @@ class BaseCandidate(ABC):
         """Of the outputs in the parameters, (n_outputs, n_theta, n_samples)."""
 
     @property
-    def precision(self) -> np.ndarray:
-        """Of the prior on the parameters."""
-        return self.step_prior[0]
-
-    @property
     def step_prior(self) -> tuple[np.ndarray, np.ndarray]:
         """What holds a step of the parameters: precision of their prior, and its pull."""
         mean, sd = self.problem.prior(self.effects, self.fit.theta)

@@ -7,6 +7,7 @@ candidates, carries a coloured disturbance to the outputs, and says where a dist
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 
@@ -87,19 +88,18 @@ def learn(record: Record, y: np.ndarray) -> LinearSurrogate:
     z, u = (y - middle) / spread, (record.u - level) / size
     trials: list[tuple[float, int, LinearSurrogate]] = []
     past = int(min(ROWS_OF_PAST, max((record.lengths.max() - 1) // 3, 1)))
-    for n in ORDERS:
-        for through in (False, True):
-            try:
-                found = subspace([u[:, s].T for s in pieces], [z[:, s].T for s in pieces], n, past, through)
-            except np.linalg.LinAlgError:
-                continue
-            if found is None:
-                continue
-            A, B, C, D, b, c = found
-            model = LinearSurrogate(A, B, C, D, np.ones(n), record.starts, record.n_samples)
-            error = _free_error(model, u, z, b, c)
-            if np.isfinite(error):
-                trials.append((error, n + through, model))
+    for n, through in product(ORDERS, (False, True)):
+        try:
+            found = subspace([u[:, s].T for s in pieces], [z[:, s].T for s in pieces], n, past, through)
+        except np.linalg.LinAlgError:
+            continue
+        if found is None:
+            continue
+        A, B, C, D, b, c = found
+        model = LinearSurrogate(A, B, C, D, np.ones(n), record.starts, record.n_samples)
+        error = _free_error(model, u, z, b, c)
+        if np.isfinite(error):
+            trials.append((error, n + through, model))
     if not trials:
         A, none = np.eye(len(y)), np.zeros((len(y), len(record.u)))
         return LinearSurrogate(0.5 * A, none, A, none, spread[:, 0], record.starts, record.n_samples)

@@ -23,6 +23,8 @@ from sksurrogate.kernels.disturbance import Disturbance, Noise
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics._simulator import Plant
 
+#: Steps of a fit.
+STEPS = 10
 #: Relative change of the parameters up to which a prediction is taken as linear in them.
 LINEAR = 0.05
 NO_PARAMETERS = np.zeros(0)
@@ -291,7 +293,7 @@ class TrajectoryBackend(Backend):
         return np.maximum(np.abs(theta), np.repeat([1e-2, 0.1], [len(theta) - n_free, n_free]))
 
     def fit(
-        self, effects: tuple[BaseEffect, ...], theta: np.ndarray, J: np.ndarray | None = None, steps: int = 10
+        self, effects: tuple[BaseEffect, ...], theta: np.ndarray, J: np.ndarray | None = None
     ) -> TrajectoryCandidate | None:
         """Levenberg-Marquardt with Broyden's update; ``J`` (n_theta, n_outputs, n_samples) as far as it is known, else nan."""
         theta = self.within(effects, theta)
@@ -304,7 +306,7 @@ class TrajectoryBackend(Backend):
             J[unknown] = self.slopes(effects, theta, y, unknown)
         damping, fresh, slow = 1e-3, True, 0
         cost = self.penalised(effects, theta, y)
-        for _ in range(steps if len(theta) else 0):
+        for _ in range(STEPS if len(theta) else 0):
             trial = self.within(effects, theta + self.step(effects, theta, y, J, damping))
             moved = trial - theta
             if np.max(np.abs(moved) / np.maximum(np.abs(theta), 1e-3), initial=0.0) < 1e-5:

@@ -195,7 +195,7 @@ def _block(s: Responses, columns: list[Column], noise: Noise | None, most: int |
         return eliminate(G, few - 1, precision, pull)
 
     forced = _forced(s, whole, few, noise, (precision, pull, low, high))
-    starts = _starts(columns, s.smoothed.x, among, drop, amplitude, forced)
+    starts = _starts(columns, s.smoothed.x, among, low, drop, amplitude, forced)
     block = _Block(starts, flat, moved, rows[1:, few:], g, h, low, high)
     return block if most is None else block.of(_best_of_each(starts, most))
 
@@ -259,20 +259,20 @@ def _starts(
     columns: Sequence[Column],
     path: np.ndarray,
     among: Callable[[list[int]], np.ndarray],
+    low: np.ndarray,
     drop: np.ndarray,
     amplitude: np.ndarray,
     forced: np.ndarray,
 ) -> list[Start]:
     """Where the fits start: the amplitude of the column where the effect is linear, both quadratures of a sine."""
     pairs = _quadratures([c.effect for c in columns], [c.theta for c in columns], among)
-    small, total = _smallest(columns), float(among([])[0, 0])
-    out = []
+    out, total = [], float(among([])[0, 0])
     for k, c in enumerate(columns):
         theta, gained, pulled = c.theta.copy(), float(drop[k]), float(forced[k])
         if k in pairs:
             theta, gained = pairs[k]
             pulled = max(gained * float(forced[k] / max(drop[k], 1e-9)), 0.0)
-        elif (grows(c.effect) or small[k]) and len(theta) and not c.evident:
+        elif low[k] <= 0.0 and len(theta) and not c.evident:  # its column stands for it down to nothing
             theta = grown(c.effect, theta, amplitude[k])
         out.append(Start(c.effect, theta, gained, pulled, total - gained, path, c.evident, c.hidden, c.theta))
     return out

@@ -108,13 +108,9 @@ class SetMoves(BaseSearch[C]):
 
         What a fit with finer steps has made implausible does not stand, where another is plausible.
         """
-        least = min(candidate.fit.cost for candidate in candidates[:MOST_POLISHED])
-        near = [
-            candidate
-            for candidate in candidates[:MOST_POLISHED]
-            if candidate is candidates[0] or candidate.fit.cost < 3.0 * least + 50.0
-        ]
-        polished = [self.polish(candidate) for candidate in near]
+        first = candidates[:MOST_POLISHED]
+        most = 3.0 * min(one.fit.cost for one in first) + 50.0
+        polished = [self.polish(one) for one in first if one is first[0] or one.fit.cost < most]
         polished = [one for one in polished if self.plausible(one)] or polished
         return max(polished, key=self.order(polished))
 

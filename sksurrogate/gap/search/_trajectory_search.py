@@ -46,7 +46,7 @@ class TrajectorySearch(SetSearch[TrajectoryCandidate]):
         return self.screened_gains
 
     def fit_null(self) -> Evidence[TrajectoryCandidate]:
-        for _ in range(2 if self.problem.x0 is not None else 0):
+        for _ in range(2):
             self.problem = self.problem.with_starts_fitted()
         theta = np.zeros(len(self.problem.free))
         null = self.problem.fit((), theta)
