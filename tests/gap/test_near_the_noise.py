@@ -64,7 +64,7 @@ def test_steps_of_an_effect_are_held_within_its_size_and_those_of_free_parameter
     effect = CATALOGUE["constant_bias"]("level")
     candidate = problem.fit((effect,), np.array([0.02, 0.0]), smoothed.x)
     _, _, precision, pull = candidate.columns()
-    prior = candidate.precision
+    prior, _ = candidate.step_prior
     assert precision[0] == pytest.approx((REACH * candidate.fit.theta[0]) ** -2)
     assert precision[1] == pytest.approx(prior[1])
     assert pull[0] == 0.0

@@ -55,8 +55,7 @@ def fit_added(base: OdeCandidate, starts: Sequence[Start], best: float) -> OdeCa
                 candidate = None
             if candidate is not None:
                 break
-        if candidate is not None and (found is None or candidate.fit.cost < found.fit.cost):
-            found = candidate
+        found = cheapest([found, candidate])
     if found is not None and (found.fit.cost < 3.0 * best or isinstance(found.effects[-1], Starting)):
         for i in reversed(range(len(found.effects))):  # a step of the base may have made up for what is new
             found = line_searched(found, i)
