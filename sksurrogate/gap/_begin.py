@@ -87,7 +87,7 @@ def begin_ode(task: Task) -> DiagnosisPipeline[OdeCandidate]:
     balances = tuple(name for name in plant.states if name not in kinematic) or plant.states
     library = _allowed(_candidates(task, balances), task)
     with _right_unit(model, record), finite_along(model, whole, task.labels):
-        build = partial(build_problem, plant, model, free=task.free, balances=balances, known=task.known)
+        build = partial(build_problem, model, free=task.free, balances=balances, known=task.known)
         problem, smoothed = build(record)
         pieces = []
         if rows_that_jump(problem, smoothed.x).any():

@@ -156,8 +156,7 @@ def compare_simulators(
     first, second = describe(a), describe(b)
     _check_numbers(n_runs, noise)
     n_samples = _samples(first, second, duration)
-    own_inputs = _places(first, second, "inputs")
-    own_outputs = _places(first, second, "outputs")
+    own_inputs, own_outputs = _places(first, second, "inputs"), _places(first, second, "outputs")
     _check_alike(first, second, own_inputs, own_outputs)
     random = check_random_state(random_state)
     rng = np.random.default_rng(random.randint(2**31 - 1))
@@ -233,13 +232,12 @@ def _places(first: Plant, second: Plant, what: str) -> list[int]:
 
 def _limits(limits: Any, inputs: Sequence[str]) -> list[tuple[float, float]]:
     """(low, high) of every input."""
-    given = dict(limits) if isinstance(limits, Mapping) else None
-    if given is not None:
-        unknown, missing = [n for n in given if n not in inputs], [n for n in inputs if n not in given]
+    if isinstance(limits, Mapping):
+        unknown, missing = [n for n in limits if n not in inputs], [n for n in inputs if n not in limits]
         if unknown or missing:
             wrong = f"{unknown[0]!r} is not an input of a" if unknown else f"the input {missing[0]!r} is missing"
             raise DataError(f"limits={limits!r}: {wrong}; expected (low, high) for each of {list(inputs)}.")
-        pairs = [given[name] for name in inputs]
+        pairs = [limits[name] for name in inputs]
     else:
         pairs = list(limits) if isinstance(limits, Sequence | np.ndarray) else []
         if len(pairs) != len(inputs):

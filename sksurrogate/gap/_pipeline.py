@@ -287,10 +287,9 @@ class DiagnosisPipeline(LawStage[C]):
 
     def from_run_to_run(self) -> list[str]:
         """Whether one cause has another size in every run: said, since a name has one size."""
+        whole = len(self.labels) == len(self.problem.record.starts)
         with self.answered("whether the gap differs from run to run"):
-            found = (
-                run_to_run(self.search, self.carried()) if len(self.labels) == len(self.problem.record.starts) else None
-            )
+            found = run_to_run(self.search, self.carried()) if whole else None
             return [] if found is None else [differs(found, self.labels)]
         return []
 

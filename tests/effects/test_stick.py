@@ -45,7 +45,7 @@ def problem():
     simulator = ODESimulator(rhs, states=["q", "v"], inputs=["f"], outputs=["q", "v"], params={}, dt=DT)
     plant = describe(simulator, n_inputs=1, n_outputs=2, dt=DT)
     record = Record.from_runs(U, Y, [DT * np.arange(N)] * RUNS, DT)
-    found, smoothed = build_problem(plant, PlantModel(plant), record, (), ("v",))
+    found, smoothed = build_problem(PlantModel(plant), record, (), ("v",))
     return replace(found, numerics=Numerics(2, 150.0)), smoothed
 
 

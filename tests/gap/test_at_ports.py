@@ -88,7 +88,7 @@ def test_a_missing_force_at_a_port_comes_as_an_effect(port):
     plant = describe(simulator)
     split = [np.flatnonzero(runs == r) for r in range(RUNS)]
     record = Record.from_runs([U[k] for k in split], [y[k] for k in split], [0.01 * np.arange(N)] * RUNS, 0.01)
-    problem, smoothed = build_problem(plant, PlantModel(plant), record, (), ("v1", "v2"))
+    problem, smoothed = build_problem(PlantModel(plant), record, (), ("v1", "v2"))
     null = problem.fit((), np.zeros(0), smoothed.x)
     law = OdeChannels(null).missing_term(port, "input").effects[0]
     assert law.location == port and "v2" in law.variable

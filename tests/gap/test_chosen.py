@@ -40,7 +40,7 @@ def fitted(data, *effects):
     runs = [groups == k for k in range(RUNS)]
     record = Record.from_runs([X[k] for k in runs], [y[k] for k in runs], [DT * np.arange(N)] * RUNS, DT)
     plant = describe(tank(), n_inputs=1, n_outputs=1, dt=DT)
-    problem, smoothed = build_problem(plant, PlantModel(plant), record, (), ("level",))
+    problem, smoothed = build_problem(PlantModel(plant), record, (), ("level",))
     return problem, [problem.fit((effect,), np.full(1, 0.1), smoothed.x) for effect in effects]
 
 

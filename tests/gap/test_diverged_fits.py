@@ -43,7 +43,7 @@ def problem(request):
     Y = [y + 0.005 * y.std(axis=0) * rng.normal(size=y.shape) for y in Y]
     described = describe(plant, n_inputs=1, n_outputs=2, dt=DT)
     record = Record.from_runs(U, Y, [DT * np.arange(N)] * RUNS, DT)
-    return build_problem(described, PlantModel(described), record, (), ("place", "speed"))
+    return build_problem(PlantModel(described), record, (), ("place", "speed"))
 
 
 @pytest.mark.parametrize("factor", [1.2, 1.5, 2.0])
@@ -86,7 +86,7 @@ def test_a_run_that_begins_behind_the_limit_of_its_sensor_is_judged_from_the_tra
     Y = [y + noise * rng.normal(size=y.shape) for y in truth]
     described = describe(plant, n_inputs=1, n_outputs=1, dt=2.0)
     record = Record.from_runs(U, Y, [2.0 * np.arange(300)] * 4, 2.0)
-    problem, smoothed = build_problem(described, PlantModel(described), record, (), states)
+    problem, smoothed = build_problem(PlantModel(described), record, (), states)
     x = np.concatenate([ODESimulator(cell, outputs=states, **common).simulate(u) for u in U]).T
     candidate = problem.fit((CATALOGUE["sensor_saturation"]("voltage"),), np.array([limit]), x)
     assert candidate.fit.cost < 1.5 * record.y.size

@@ -112,7 +112,7 @@ def test_a_unit_of_a_parameter_moves_the_same_whether_it_is_re_tuned_or_given():
     pushes = []
     for k, free, theta in ((0.6, ("k",), [np.log(2.0)]), (1.2, (), [])):
         plant = describe(reactor().set_params(params={"k": k}), n_inputs=1, n_outputs=2, dt=0.2)
-        problem, _ = build_problem(plant, PlantModel(plant), record, free, plant.states)
+        problem, _ = build_problem(PlantModel(plant), record, free, plant.states)
         null = problem.fit((), np.array(theta), record.y)
         null = replace(null, fit=replace(null.fit, theta=np.array(theta)))  # the record is that of k = 0.6
         pushes.append(push_at(null, record.y, "k", "parameter")[:, 0])

@@ -35,7 +35,7 @@ def test_all_that_is_fitted_counts():
     Y = [fall().simulate(np.zeros((N, 0))).reshape(-1, 1) + NOISE * rng.normal(size=(N, 1)) for _ in range(runs)]
     record = Record.from_runs([np.zeros((N, 0))] * runs, Y, [DT * np.arange(N)] * runs, DT)
     plant = describe(fall(), n_inputs=0, n_outputs=1, dt=DT)
-    problem, smoothed = build_problem(plant, PlantModel(plant), record, ("g",), ("speed",))
+    problem, smoothed = build_problem(PlantModel(plant), record, ("g",), ("speed",))
     null = problem.fit((), np.zeros(1), smoothed.x)
     assert null.n_starts == 2 * runs and null.n_fitted == 2 * runs + 1
 
@@ -45,7 +45,7 @@ def test_the_gain_of_a_name_counts_by_the_values_that_are_left_free():
     y = fall(0.02).simulate(np.zeros((N, 0))).reshape(-1, 1) + NOISE * rng.normal(size=(N, 1))
     record = Record.from_runs([np.zeros((N, 0))], [y], [DT * np.arange(N)], DT)
     plant = describe(fall(), n_inputs=0, n_outputs=1, dt=DT)
-    problem, smoothed = build_problem(plant, PlantModel(plant), record, (), ("speed",))
+    problem, smoothed = build_problem(PlantModel(plant), record, (), ("speed",))
     library = [CATALOGUE[name]("speed", "speed") for name in ("linear_loss", "quadratic_drag", "power_law")]
     search = OdeSearch(problem, library, smoothed.x)
     search.run()

@@ -29,7 +29,7 @@ def problem_of(free):
     y = tank(0.2).simulate(u) + 0.005 * rng.normal(size=(N, 1))
     plant = describe(tank(0.0), n_inputs=1, n_outputs=1, dt=DT)
     record = Record.from_runs([u], [y], [DT * np.arange(N)], DT)
-    problem, smoothed = build_problem(plant, PlantModel(plant), record, free, ("level",))
+    problem, smoothed = build_problem(PlantModel(plant), record, free, ("level",))
     return problem, smoothed.x, problem.fit((), np.zeros(len(free)), smoothed.x)
 
 

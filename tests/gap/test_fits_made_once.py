@@ -86,7 +86,7 @@ def test_a_set_without_an_effect_is_fitted_once(monkeypatch, cost, fits, left):
     monkeypatch.setattr(_ode_search, "line_searched", lambda base, j: base)
     problem = Some(fit=fit, record=Some(n_values=10), numerics=Numerics(1))
     whole = of_cost(10.0, LOSS, BIAS)
-    whole.problem, whole.model, whole.without_effect = problem, Some(n_nominal=1), lambda i: ((LOSS,), np.zeros(0))
+    whole.problem, whole.states, whole.without_effect = problem, np.zeros((1, 4)), lambda i: ((LOSS,), np.zeros(0))
     search = OdeSearch(problem, [], np.zeros((1, 4)))
     first = search.refitted_without(whole, 1)
     assert search.refitted_without(whole, 1) is first and len(asked) == 1
@@ -118,9 +118,7 @@ def test_a_set_grows_in_vain_from_the_cost_on_that_is_said(cost):
 )
 def test_windows_that_would_grow_in_vain_are_not_fitted(monkeypatch, stands, together, most):
     asked = []
-    windows = [
-        Confined(e, ("end",), 1000.0 - left, 10.0) for e, left in ((LOSS, 240.0), (BIAS, 340.0), (SPRING, 430.0))
-    ]
+    windows = [Confined(e, ("end",), 1000.0 - left) for e, left in ((LOSS, 240.0), (BIAS, 340.0), (SPRING, 430.0))]
     monkeypatch.setattr(_onsets, "confined", lambda *given: windows)
     null, stands = Some(candidate=of_cost(1000.0), fit=Some(cost=1000.0), left=9.0), of_cost(stands, BIAS)
     search = Some(

@@ -53,7 +53,7 @@ def test_the_column_of_a_start_twice_as_large_is_twice_the_column(name, variable
     U, Y = recorded(0, 0.01, 2.0, 0.4, 0.6, 0.5)
     plant = describe(SIMULATOR, n_inputs=1, n_outputs=2, dt=DT)
     record = Record.from_runs(U, Y, [DT * np.arange(N)] * RUNS, DT)
-    problem, smoothed = build_problem(plant, PlantModel(plant), record, (), ("v",))
+    problem, smoothed = build_problem(PlantModel(plant), record, (), ("v",))
     null = estimate_noise(problem.fit((), np.zeros(0), smoothed.x), problem.first_noise())
     effect = CATALOGUE[name]("v", variable)
     start = np.array({"lugre_friction": (2.0, 0.4, 0.6, 0.5), "hysteresis": (2.0, 0.3), "linear_loss": (0.2,)}[name])

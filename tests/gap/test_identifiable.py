@@ -31,7 +31,7 @@ def problem():
     Y = [whole.simulate(u).reshape(N, 1) + 0.002 * rng.normal(size=(N, 1)) for u in U]
     record = Record.from_runs(U, Y, [DT * np.arange(N)] * 2, DT)
     plant = describe(CART, n_inputs=1, n_outputs=1, dt=DT)
-    return build_problem(plant, PlantModel(plant), record, (), ("speed",))
+    return build_problem(PlantModel(plant), record, (), ("speed",))
 
 
 def test_a_fit_comes_back_from_where_parameters_do_nothing(problem):

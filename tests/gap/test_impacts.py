@@ -35,7 +35,7 @@ def problem_of(simulator, U, Y):
     record = Record.from_runs(list(U), list(Y), [DT * np.arange(N)] * len(U), DT)
     model = PlantModel(describe(simulator))
     model.probe(np.zeros(1))
-    return build_problem(model.plant, model, record, (), ["rail.vel", "hinge.vel"])
+    return build_problem(model, record, (), ["rail.vel", "hinge.vel"])
 
 
 def test_the_samples_in_which_a_cart_hits_its_stop_jump_and_no_others():

@@ -40,7 +40,7 @@ def friction_fitted(plant, noise=NOISE):
     U, Y = recorded(plant, noise)
     record = Record.from_runs(U, Y, [DT * np.arange(N)] * RUNS, DT)
     known = describe(NOMINAL, n_inputs=1, n_outputs=1, dt=DT)
-    problem, smoothed = build_problem(known, PlantModel(known), record, (), ("speed",))
+    problem, smoothed = build_problem(PlantModel(known), record, (), ("speed",))
     return problem.fit((COULOMB,), np.array([LEVEL]), smoothed.x)
 
 

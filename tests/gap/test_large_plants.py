@@ -48,7 +48,7 @@ def runs(effect, values, seed=0):
 def problem_of(U, Y):
     plant = describe(simulator(), n_inputs=1, n_outputs=3, dt=DT)
     record = Record.from_runs(U, Y, [DT * np.arange(N)] * RUNS, DT)
-    return build_problem(plant, PlantModel(plant), record, (), plant.states)
+    return build_problem(PlantModel(plant), record, (), plant.states)
 
 
 @pytest.fixture

@@ -54,7 +54,7 @@ def test_columns_tell_which_candidates_do_what_is_named():
     U, Y = recorded(pair, [{"relative_error": 0.2}, {"coefficient": -0.21}])
     plant = describe(simulator(), n_inputs=1, n_outputs=2, dt=DT)
     record = Record.from_runs(list(U), list(Y), [DT * np.arange(N)] * RUNS, DT)
-    problem, smoothed = build_problem(plant, PlantModel(plant), record, (), ("x", "y"))
+    problem, smoothed = build_problem(PlantModel(plant), record, (), ("x", "y"))
     named = problem.fit(pair, np.array([0.2, -0.21]), smoothed.x)
     late = [CATALOGUE["parameter_dependence"](p, v) for p in ("k", "feed") for v in ("x", "y", "u")]
     found = [(one.places, one.effect.key) for one in twins(named, late, smoothed.x, 6.0)]
@@ -104,7 +104,7 @@ def test_no_force_along_the_path_where_a_port_has_no_slope():
     plant = describe(loop, n_inputs=1, n_outputs=2, dt=1.0)
     y = heated_loop(5.6).simulate(aim) + np.random.default_rng(0).normal(0.0, 0.05, (len(aim), 2))
     record = Record.from_runs([aim], [y], [np.arange(float(len(aim)))], 1.0)
-    problem, smoothed = build_problem(plant, PlantModel(plant), record, (), ("block",))
+    problem, smoothed = build_problem(PlantModel(plant), record, (), ("block",))
     responses = Responses(problem.fit((), np.zeros(0), smoothed.x), smoothed.x)
     error, theta, start = CATALOGUE["parameter_error"]("R"), np.array([[0.1]]), smoothed.x[:, [0]]
     column = responses.columns(error, theta)[0][:, 0]

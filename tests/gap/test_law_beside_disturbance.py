@@ -45,7 +45,7 @@ def left_by_the_null(law, shaken, seed, push=0.0, lag=0, step=0.0):
         Y.append(y + 0.01 * y.std(axis=0) * rng.normal(size=y.shape))
     record = Record.from_runs(U, Y, [DT * np.arange(N)] * RUNS, DT)
     plant = describe(body(0.0), n_inputs=2, n_outputs=1, dt=DT)
-    problem, smoothed = build_problem(plant, PlantModel(plant), record, (), ("v",))
+    problem, smoothed = build_problem(PlantModel(plant), record, (), ("v",))
     null = problem.fit((), np.zeros(0), smoothed.x)
     return problem, estimate_noise(null, problem.first_noise())
 

@@ -40,7 +40,7 @@ def problem_of(acting, free=(), outputs=("q",), read=lambda y: y, force=0.0, rea
     Y = [y + NOISE * rng.normal(size=y.shape) for y in Y]
     plant = describe(simulator(outputs=outputs), n_inputs=1, n_outputs=len(outputs), dt=DT)
     record = Record.from_runs(U, Y, [DT * np.arange(N)] * RUNS, DT)
-    return build_problem(plant, PlantModel(plant), record, free, ("v",))
+    return build_problem(PlantModel(plant), record, free, ("v",))
 
 
 def fitted(problem, x, *effects):
@@ -180,7 +180,7 @@ def test_an_actuator_with_play_is_told_by_the_past_of_its_input():
     slack = [played(u, 0.3) for u in U]
     Y = [simulator().simulate(v, x0=np.zeros(2)).reshape(N, 1) + NOISE * rng.normal(size=(N, 1)) for v in slack]
     plant = describe(simulator(), n_inputs=1, n_outputs=1, dt=DT)
-    problem, smoothed = build_problem(plant, PlantModel(plant), Record.from_runs(U, Y, [t] * RUNS, DT), (), ("v",))
+    problem, smoothed = build_problem(PlantModel(plant), Record.from_runs(U, Y, [t] * RUNS, DT), (), ("v",))
     found = law(fitted(problem, smoothed.x), smoothed.x)
     assert found.gain > 1000.0
     assert (found.location, found.variable) == ("v", "f and its past")

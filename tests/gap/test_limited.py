@@ -53,7 +53,7 @@ def responses():
     simulator = plant()
     described = describe(simulator, n_inputs=1, n_outputs=1, dt=DT)
     record = Record.from_runs(U, Y, [DT * np.arange(N)] * RUNS, DT)
-    problem, smoothed = build_problem(described, PlantModel(described), record, (), ("hidden", "seen"))
+    problem, smoothed = build_problem(PlantModel(described), record, (), ("hidden", "seen"))
     null = estimate_noise(problem.fit((), np.zeros(0), smoothed.x), problem.first_noise())
     return Responses(null.candidate, smoothed.x)
 

@@ -36,7 +36,7 @@ def problem_of(true=slow, seed=0, free=()):
     Y = [y + NOISE * rng.normal(size=y.shape) for y in Y]
     plant = describe(simulator(), n_inputs=1, n_outputs=1, dt=DT)
     record = Record.from_runs(U, Y, [DT * np.arange(N)] * RUNS, DT)
-    return build_problem(plant, PlantModel(plant), record, free, ("level",))
+    return build_problem(PlantModel(plant), record, free, ("level",))
 
 
 def test_a_quiet_force_moves_no_output_by_more_than_its_share_of_the_noise():
@@ -64,7 +64,7 @@ def test_steps_of_an_effect_are_held_within_its_size_and_those_of_free_parameter
     effect = CATALOGUE["constant_bias"]("level")
     candidate = problem.fit((effect,), np.array([0.02, 0.0]), smoothed.x)
     _, _, precision, pull = candidate.columns()
-    prior = candidate.precision
+    prior, _ = candidate.step_prior
     assert precision[0] == pytest.approx((REACH * candidate.fit.theta[0]) ** -2)
     assert precision[1] == pytest.approx(prior[1])
     assert pull[0] == 0.0

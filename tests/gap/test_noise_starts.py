@@ -34,7 +34,7 @@ def shaken():
     y = simulator.simulate(u + force[:, None]).reshape(N, 1) + SIGMA * rng.normal(size=(N, 1))
     plant = describe(simulator, n_inputs=1, n_outputs=1, dt=0.05)
     record = Record.from_runs([u], [y], [0.05 * np.arange(N)], 0.05)
-    problem, smoothed = build_problem(plant, PlantModel(plant), record, (), ("v",))
+    problem, smoothed = build_problem(PlantModel(plant), record, (), ("v",))
     return problem, problem.fit((), np.zeros(0), smoothed.x)
 
 

@@ -30,7 +30,7 @@ def test_the_error_of_the_integration_is_that_of_its_steps():
     )
     t, rng = np.arange(8.0), np.random.default_rng(0)
     Y = [(x0 * np.exp(-1.2 * t))[:, None] * (1 + 1e-7 * rng.normal(size=(8, 1))) for x0 in (1.0, 2.0)]
-    problem, smoothed = build_problem(plant, PlantModel(plant), record_of([np.zeros((8, 1))] * 2, Y), (), ("x",))
+    problem, smoothed = build_problem(PlantModel(plant), record_of([np.zeros((8, 1))] * 2, Y), (), ("x",))
     problem = problem.at(Numerics(1, 50.0))
     candidate = problem.fit((CATALOGUE["parameter_error"]("k"),), np.zeros(1), smoothed.x)
 
@@ -95,7 +95,7 @@ def test_one_step_leads_to_what_some_of_the_runs_say_where_outputs_are_linear_in
     U = rng.uniform(-1.0, 1.0, (3, 20, 1))
     Y = [np.cumsum(np.r_[2.0, 1.3 * u[:-1, 0]])[:, None] + 0.01 * rng.normal(size=(20, 1)) for u in U]
     Y[0] += 0.05 * np.arange(20)[:, None]
-    problem, smoothed = build_problem(plant, PlantModel(plant), record_of(U, Y), (), ("x",))
+    problem, smoothed = build_problem(PlantModel(plant), record_of(U, Y), (), ("x",))
     effects = (CATALOGUE["parameter_error"]("k"),)
     candidate = problem.fit(effects, np.zeros(1), smoothed.x)
     some, rows = problem.on([1, 2]), problem.record.run_of_row > 0
@@ -141,7 +141,7 @@ def test_a_free_signal_at_a_sensor_is_its_own(sensor):
     plant, rng, U, slow, sd = two_states_and_a_slow_signal()
     Y = plant.simulator.simulate(U) + sd * rng.normal(size=(len(U), 2))
     Y[:, sensor] += slow
-    problem, _ = build_problem(plant, PlantModel(plant), record_of([U], [Y]), (), ("x", "z"))
+    problem, _ = build_problem(PlantModel(plant), record_of([U], [Y]), (), ("x", "z"))
     null = problem.fit((), np.zeros(0), problem.run)
     D = null.disturbance.with_forces(null.disturbance.B.transpose(1, 2, 0)[:, :1])
     spread, found = np.std(Y, axis=0), []
@@ -158,7 +158,7 @@ def test_a_free_signal_at_a_sensor_is_its_own(sensor):
 def test_a_free_signal_in_a_balance_is_a_force_and_no_noise_of_a_sensor():
     plant, rng, U, slow, sd = two_states_and_a_slow_signal()
     Y = plant.simulator.simulate(U + slow[:, None]) + sd * rng.normal(size=(len(U), 2))
-    problem, _ = build_problem(plant, PlantModel(plant), record_of([U], [Y]), (), ("x", "z"))
+    problem, _ = build_problem(PlantModel(plant), record_of([U], [Y]), (), ("x", "z"))
     null = problem.fit((), np.zeros(0), problem.run)
     D = null.disturbance.with_forces(null.disturbance.B.transpose(1, 2, 0)[:, :1])
     noise, value, _ = fit_signal(D, null.residual, sd, np.std(Y, axis=0), 1.0, None)

@@ -22,7 +22,7 @@ def substeps_of(unit):
     plant = ODESimulator(rhs, states=["q", "v"], inputs=["f"], outputs=["q"], params={}, dt=0.2)
     y = plant.simulate(U) + 0.01 * np.random.default_rng(0).normal(size=(200, 1))
     described = describe(plant, n_inputs=1, n_outputs=1, dt=0.2)
-    problem, _ = build_problem(described, PlantModel(described), Record.from_runs([U], [y], [T], 0.2), (), ("v",))
+    problem, _ = build_problem(PlantModel(described), Record.from_runs([U], [y], [T], 0.2), (), ("v",))
     return problem.numerics.n_sub
 
 

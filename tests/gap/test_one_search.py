@@ -59,7 +59,7 @@ def problems(simulator, y=None, labels=("a", "b")):
     Y = [part + 0.01 * rng.normal(size=part.shape) for part in Y]
     record = Record.from_runs(U, Y, [0.1 * np.arange(len(u)) for u in U], 0.1)
     inside = describe(simulator)
-    ode, smoothed = build_problem(inside, PlantModel(inside), record, (), ("x",))
+    ode, smoothed = build_problem(PlantModel(inside), record, (), ("x",))
     return ode, build_trajectory(describe(Outside(simulator)), record, (), labels), smoothed
 
 
@@ -119,7 +119,7 @@ def test_a_friction_with_an_offset_is_told_from_a_symmetric_one_beside_a_step():
     U = np.repeat(rng.uniform(-2, 2, 40), 10)[:, None]
     y = real.simulate(U)
     record = Record.from_runs([U], [y + 0.01 * rng.normal(size=y.shape)], [0.1 * np.arange(len(U))], 0.1)
-    problem, smoothed = build_problem(inside, PlantModel(inside), record, (), ("speed",))
+    problem, smoothed = build_problem(PlantModel(inside), record, (), ("speed",))
     search = OdeSearch(problem, library, smoothed.x)
     found = search.run()
     assert {effect.name for effect in found.effects} == {"asymmetric_friction", "step_disturbance"}

@@ -89,7 +89,7 @@ def test_a_sensor_that_reads_its_own_noise_explains_no_noise():
     runs = [groups == k for k in range(RUNS)]
     record = Record.from_runs([U[k] for k in runs], [y[k] for k in runs], [DT * np.arange(N)] * RUNS, DT)
     plant = describe(room(), n_inputs=1, n_outputs=1, dt=DT)
-    problem, smoothed = build_problem(plant, PlantModel(plant), record, (), ("room",))
+    problem, smoothed = build_problem(PlantModel(plant), record, (), ("room",))
     gain = problem.fit((CATALOGUE["sensor_gain"]("room"),), np.full(1, -0.5), smoothed.x)
     evidence = estimate_noise(gain, problem.first_noise())
     noise = (problem.first_noise(),)

@@ -28,7 +28,7 @@ def screener(dt):
     Y = [y + 0.001 * rng.normal(size=y.shape) for y in Y]
     plant = describe(simulator, n_inputs=1, n_outputs=1, dt=dt)
     record = Record.from_runs(U, Y, [dt * np.arange(n)] * RUNS, dt)
-    problem, smoothed = build_problem(plant, PlantModel(plant), record, (), ("v",))
+    problem, smoothed = build_problem(PlantModel(plant), record, (), ("v",))
     null = estimate_noise(problem.fit((), np.zeros(0), smoothed.x), problem.first_noise())
     return Responses(null.candidate, smoothed.x)
 

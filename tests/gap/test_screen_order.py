@@ -52,7 +52,7 @@ def problem():
     u = rng.normal(size=(N, 1)).cumsum(axis=0)
     y = simulator(dragged).simulate(u).reshape(N, 1) + 0.01 * rng.normal(size=(N, 1))
     plant = describe(simulator(linear), n_inputs=1, n_outputs=1, dt=DT)
-    return build_problem(plant, PlantModel(plant), Record.from_runs([u], [y], [DT * np.arange(N)], DT), (), ("x",))
+    return build_problem(PlantModel(plant), Record.from_runs([u], [y], [DT * np.arange(N)], DT), (), ("x",))
 
 
 def effects(*names):

@@ -58,13 +58,9 @@ def test_an_effect_that_does_nothing_is_no_candidate():
 
 def test_the_slope_of_a_linear_effect_is_what_its_start_changes_over_its_size():
     given = []
-    problem = SimpleNamespace(fit=lambda effects, theta, slopes: given.append((theta, slopes)))
-    base = SimpleNamespace(
-        effects=(), n_parameters=0, theta_with=lambda own: own,
-        fit=SimpleNamespace(J=np.zeros((1, 0, 5)), y=np.zeros((1, 5))),
-    )  # fmt: skip
+    problem = SimpleNamespace(fit_added=lambda base, effect, theta, slopes: given.append((theta, slopes)))
     change = np.arange(5.0)[None]
-    _fit(problem, base, CATALOGUE["sensor_bias"]("y"), np.array([0.25]), change)
+    _fit(problem, None, CATALOGUE["sensor_bias"]("y"), np.array([0.25]), change)
     ((theta, slopes),) = given
     assert theta.tolist() == [0.25]
     np.testing.assert_array_equal(slopes, 4.0 * change[None])

@@ -35,7 +35,7 @@ def null():
     record = Record.from_runs(list(U), Y, [0.01 * np.arange(120)] * 2, 0.01)
     model = PlantModel(describe(simulator))
     model.probe(np.zeros(1))
-    problem, smoothed = build_problem(model.plant, model, record, (), ["hinge.vel"])
+    problem, smoothed = build_problem(model, record, (), ["hinge.vel"])
     return problem.fit((), np.zeros(0), smoothed.x)
 
 
@@ -133,7 +133,7 @@ def expected_of_armature(held, **real):
     record = Record.from_runs(list(U), Y, [0.01 * np.arange(n)] * 3, 0.01)
     model = PlantModel(describe(simulator))
     model.probe(np.zeros(1))
-    problem, smoothed = build_problem(model.plant, model, record, (), ["hinge.vel"])
+    problem, smoothed = build_problem(model, record, (), ["hinge.vel"])
     null = problem.fit((), np.zeros(0), smoothed.x)
     (start,) = screen([CATALOGUE["parameter_error"]("hinge.armature")], null, smoothed.x, None).starts
     return null.fit, start

@@ -63,7 +63,7 @@ def test_a_slope_times_a_change_is_what_the_screen_expects_of_it(shows):
     U, Y = runs(0.2, 0.0, shows=shows)
     plant = describe(simulator(shows), n_inputs=1, n_outputs=2, dt=DT)
     record = Record.from_runs(U, Y, [DT * np.arange(N)] * RUNS, DT)
-    problem, smoothed = build_problem(plant, PlantModel(plant), record, ("gain",), ("v",))
+    problem, smoothed = build_problem(PlantModel(plant), record, ("gain",), ("v",))
     null = estimate_noise(problem.fit((), np.zeros(1), smoothed.x), problem.first_noise())
     responses = Responses(null.candidate, smoothed.x)
     sd = problem.sd[None, :, None]

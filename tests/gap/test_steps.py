@@ -48,7 +48,7 @@ def problem_of(plant, data):
     runs = [groups == k for k in range(RUNS)]
     record = Record.from_runs([X[k] for k in runs], [y[k] for k in runs], [DT * np.arange(N)] * RUNS, DT)
     described = describe(plant, n_inputs=1, n_outputs=2, dt=DT)
-    return build_problem(described, PlantModel(described), record, (), ("first", "second"))
+    return build_problem(PlantModel(described), record, (), ("first", "second"))
 
 
 def named(plant, data):

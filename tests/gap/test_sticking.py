@@ -52,7 +52,7 @@ def problem(runs):
     U, Y = runs
     plant = describe(SIMULATOR, n_inputs=1, n_outputs=2, dt=DT)
     record = Record.from_runs(U, Y, [DT * np.arange(N)] * RUNS, DT)
-    return build_problem(plant, PlantModel(plant), record, (), ("v",))
+    return build_problem(PlantModel(plant), record, (), ("v",))
 
 
 def test_the_screen_knows_what_stops(problem):

@@ -32,7 +32,7 @@ def fitted():
     Y = [whole.simulate(u).reshape(N, 1) + 0.005 * rng.normal(size=(N, 1)) for u in U]
     record = Record.from_runs(U, Y, [DT * np.arange(N)] * 2, DT)
     plant = describe(TANK, n_inputs=1, n_outputs=1, dt=DT)
-    problem, smoothed = build_problem(plant, PlantModel(plant), record, (), ("level",))
+    problem, smoothed = build_problem(PlantModel(plant), record, (), ("level",))
     return problem, problem.fit(EFFECTS, np.array(TRUTH), smoothed.x)
 
 

@@ -11,7 +11,7 @@ from sksurrogate.gap.fit._evidence import estimate_noise
 from sksurrogate.gap.fit._prior import seen_square, start_cost
 from sksurrogate.gap.screen._responses import Responses
 from sksurrogate.gap.screen._screen import screen
-from sksurrogate.gap.screen._unseen_starts import Unseen
+from sksurrogate.gap.screen._unseen_starts import moved_through, unseen_starts
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics import ODESimulator
 from sksurrogate.physics._model import PlantModel
@@ -35,7 +35,7 @@ def problem_of(spring, angles, loss=0.5):
     Y = [y + NOISE * rng.normal(size=y.shape) for y in Y]
     plant = describe(shaft(), n_inputs=1, n_outputs=1, dt=DT)
     record = Record.from_runs(U, Y, [DT * np.arange(N)] * RUNS, DT)
-    return build_problem(plant, PlantModel(plant), record, (), ("speed",))
+    return build_problem(PlantModel(plant), record, (), ("speed",))
 
 
 def null_of(problem, x):
@@ -51,12 +51,13 @@ def test_the_smoothed_path_starts_where_the_guess_does_unless_the_data_say_other
 def test_what_an_unseen_angle_does_through_a_spring_is_a_constant_force():
     problem, smoothed = problem_of(0.0, np.zeros(RUNS))
     s = Responses(null_of(problem, smoothed.x).candidate, smoothed.x)
-    unseen, spring, bias = Unseen(s), CATALOGUE["linear_loss"]("speed", "angle"), CATALOGUE["constant_bias"]("speed")
-    assert len(unseen.free) == 1
-    (through,) = unseen.through(spring, np.array([0.2]))
-    force, _ = s.columns(bias, np.array([[-0.2 * unseen.reach[0]]]))
+    spring, bias = CATALOGUE["linear_loss"]("speed", "angle"), CATALOGUE["constant_bias"]("speed")
+    unseen = unseen_starts(s)
+    assert len(unseen) == 1
+    (through,) = moved_through(s, unseen, spring, np.array([0.2]))
+    force, _ = s.columns(bias, np.array([[-0.2 * np.ptp(s.smoothed.x[0])]]))
     np.testing.assert_allclose(through, force[:, 0], rtol=1e-5, atol=1e-8 * np.ptp(force))
-    assert not len(unseen.through(CATALOGUE["linear_loss"]("speed", "speed"), np.array([0.2])))
+    assert not len(moved_through(s, unseen, CATALOGUE["linear_loss"]("speed", "speed"), np.array([0.2])))
 
 
 @pytest.mark.parametrize("angles", [(0.0, 0.0, 0.0, 0.0), (3.0, -2.0, 5.0, 1.0)])

@@ -31,7 +31,7 @@ def covariance(found: Evidence, own: slice = ALL) -> np.ndarray:
     if k == 0:
         return np.zeros((0, 0))
     J = candidate.without_starts(candidate.sensitivities[:, own].transpose(1, 0, 2))
-    precision = candidate.precision[own]
+    precision = candidate.step_prior[0][own]
     flat = J.reshape(k, -1)
     H, blind = seen_inverse(flat @ flat.T + np.diag(precision))
     white = 1.0 / candidate.problem.sd[:, None]

@@ -197,7 +197,7 @@ class OdeAccess(BaseAccess[OdeCandidate]):
             return final
         self.search.report("fitting what was named on more of the record")
         record, _ = excerpt(self.whole, FITTED_SAMPLES)
-        larger, smoothed = build_problem(at.plant, at.model, record, at.free, at.balances, at.known)
+        larger, smoothed = build_problem(at.model, record, at.free, at.balances, at.known)
         larger = replace(larger, numerics=at.numerics, scale=at.scale, caps=at.caps)
         candidate = larger.fit(final.effects, final.fit.theta, smoothed.x)
         return final if candidate is None else estimate_noise(candidate, final.noise, final.curvature, max_iterations=5)

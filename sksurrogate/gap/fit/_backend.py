@@ -45,9 +45,8 @@ class Backend(ABC):
     #: disturbance
     caps: tuple[np.ndarray, np.ndarray] | None
     known: KnownParameters  #: What the user knows of the simulator's parameters
-    sharpness: float = (
-        KINK_SHARPNESS  #: Sharpness of the kinks of a simulator that carries what was found: as it was fitted
-    )
+    #: Sharpness of the kinks of a simulator that carries what was found: as it was fitted
+    sharpness: float = KINK_SHARPNESS
 
     @property
     def largest_disturbance(self) -> float:
@@ -70,11 +69,6 @@ class Backend(ABC):
     def prior(self, effects: Sequence[BaseEffect], theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Mean and standard deviation of the prior: on free parameters, and on what the user knows."""
         return self.known.prior_of(self.plant.params, effects, self.free, theta)
-
-    def prior_square(self, effects: Sequence[BaseEffect], theta: np.ndarray) -> float:
-        """``sum ((theta - mean) / sd)^2`` of the prior."""
-        mean, sd = self.prior(effects, theta)
-        return float(np.sum(((theta - mean) / sd) ** 2))
 
     @abstractmethod
     def first_noise(self) -> Noise:
@@ -117,11 +111,6 @@ class BaseCandidate(ABC):
     @abstractmethod
     def sensitivities(self) -> np.ndarray:
         """Of the outputs in the parameters, (n_outputs, n_theta, n_samples)."""
-
-    @property
-    def precision(self) -> np.ndarray:
-        """Of the prior on the parameters."""
-        return self.step_prior[0]
 
     @property
     def step_prior(self) -> tuple[np.ndarray, np.ndarray]:
@@ -190,7 +179,8 @@ class BaseCandidate(ABC):
     @property
     def prior_square(self) -> float:
         """``sum ((theta - mean) / sd)^2`` of the prior at the parameters."""
-        return self.problem.prior_square(self.effects, self.fit.theta)
+        mean, sd = self.problem.prior(self.effects, self.fit.theta)
+        return float(np.sum(((self.fit.theta - mean) / sd) ** 2))
 
     @property
     def prior_known(self) -> np.ndarray:

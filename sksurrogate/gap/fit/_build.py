@@ -43,8 +43,9 @@ def with_readings(plant: Plant, record: Record, x: np.ndarray) -> np.ndarray:
     return out
 
 
-def run_from_readings(plant: Plant, model: PlantModel, record: Record) -> np.ndarray:
+def run_from_readings(model: PlantModel, record: Record) -> np.ndarray:
     """States (n_states, n_samples) of the simulator alone, measured ones started at their first readings."""
+    plant = model.plant
     near = with_readings(plant, record, np.repeat(plant.x0[:, None], record.n_samples, axis=1))
     nominal = AugmentedModel(model, (), (), record, n_sub=2, scale=sizes(near))
     with np.errstate(all="ignore"):
@@ -76,7 +77,6 @@ def substeps(x: np.ndarray, weight: np.ndarray, make: Any) -> int:
 
 
 def build_problem(
-    plant: Plant,
     model: PlantModel,
     record: Record,
     free: Sequence[str],
@@ -90,11 +90,10 @@ def build_problem(
     """
     sd = noise_of_differences(record.y, record.starts, record.known, record.t)
     with np.errstate(all="ignore"):
-        run = run_from_readings(plant, model, record)
-        guess = measured_guess(plant, record, run) if path is None else path
+        run = run_from_readings(model, record)
+        guess = measured_guess(model.plant, record, run) if path is None else path
         scale = sizes(guess)
         problem = OdeBackend(
-            plant,
             model,
             record,
             sd,
@@ -106,7 +105,7 @@ def build_problem(
             run=run,
             known=known or KnownParameters(),
         )
-        nominal = replace(problem, free=()).augmented(())
+        nominal = problem.nominal_model
         smoothed = problem.smooth(nominal, np.zeros(0), guess)
         scale = np.maximum(sizes(smoothed.x), 0.02 * scale)
         rate = np.sqrt(np.mean(((smoothed.x[:, 1:] - smoothed.x[:, :-1]) / record.dt) ** 2, axis=1))
@@ -128,8 +127,7 @@ def build_problem(
 def _caps(problem: OdeBackend, smoothed: Smoothed) -> tuple[np.ndarray, np.ndarray]:
     """Forces and coloured sensor noise that move an output by the largest disturbance that counts as noise."""
     record, n, largest = problem.record, len(problem.plant.states), problem.largest_disturbance
-    nominal = replace(problem, free=()).augmented(())
-    _, C = output_jacobian(nominal.bind(np.zeros((0, 1))), smoothed.x, problem.scale)
+    _, C = output_jacobian(problem.nominal_model.bind(np.zeros((0, 1))), smoothed.x, problem.scale)
     places = problem.rows_of_balances
     push = record.dt * np.eye(n)[:, places]
     gain = gain_of_forces(recursion_band(smoothed.A, record.starts), push, C, record.starts, record.spread)

@@ -8,7 +8,8 @@ import numpy as np
 
 from sksurrogate.gap.fit._normal_equations import unexplained
 from sksurrogate.kernels.linear_fit import linear_least_squares
-from sksurrogate.kernels.record import Record
+from sksurrogate.kernels.record import Record, ages_of
+from sksurrogate.kernels.run_columns import UNSEEN
 
 #: Lags of an input that explain its next move without the outputs: at most so many, for a profile of twenty lines foretells
 #: itself from forty, and one for so many samples; lags of the residual that must add nothing.
@@ -38,7 +39,7 @@ def closed_loop(record: Record, y: np.ndarray, names: Sequence[str]) -> str | No
     ``y`` (n_outputs, n_samples): outputs of the fitted free run.
     ``names``: of the inputs.
     """
-    age = np.arange(record.n_samples) - record.starts[record.run_of_row]
+    age = ages_of(record.starts, record.n_samples)
     lags = max(min(INPUT_LAGS, record.n_samples // SAMPLES_A_LAG, int(record.lengths.max()) // 4), RESIDUAL_LAGS)
     inside = np.flatnonzero(age >= lags + 1)
     r = record.y - y
@@ -53,39 +54,32 @@ def closed_loop(record: Record, y: np.ndarray, names: Sequence[str]) -> str | No
         foreign = np.stack([e[rows - lag] for e in quick for lag in range(RESIDUAL_LAGS)], axis=1)
         own = np.stack([np.ones(len(rows)), *_past(record, y, rows, lags), *_repeated(record, i, rows)], axis=1)
         left, calm = _foretold(own, move)
-        if float(left[calm] @ left[calm]) <= 1e-10 * float(move[calm] @ move[calm]):
-            continue  # the input foretells itself
-        if calm.sum() < FEWEST_MOVES:
+        foretells_itself = float(left[calm] @ left[calm]) <= 1e-10 * float(move[calm] @ move[calm])
+        if foretells_itself or calm.sum() < FEWEST_MOVES:
             continue
         e = unexplained(own[calm], foreign[calm])
         z = left[calm] - left[calm].mean()
-        share = _explained(e, z)
-        if (
-            share > SHARE_FOLLOWED
-            and share * len(z) > FOLLOWED_AGAINST_CHANCE + 2.0 * foreign.shape[1]
-            and _in_every_part(e, z)
-        ):
+        share = _explained(z, unexplained(e, z))
+        beyond_chance = share * len(z) > FOLLOWED_AGAINST_CHANCE + 2.0 * foreign.shape[1]
+        if share > SHARE_FOLLOWED and beyond_chance and _in_every_part(e, z, share):
             return name
     return None
 
 
-def _explained(e: np.ndarray, z: np.ndarray) -> float:
-    """Share of the squares of z that the columns of e explain."""
-    rest = unexplained(e, z)
+def _explained(z: np.ndarray, rest: np.ndarray) -> float:
+    """Share of the squares of z of which a ``rest`` is left."""
     return 1.0 - float(rest @ rest) / max(float(z @ z), 1e-300)
 
 
-def _in_every_part(e: np.ndarray, z: np.ndarray) -> bool:
+def _in_every_part(e: np.ndarray, z: np.ndarray, share: float) -> bool:
     """Whether coefficients learned from one half of the moves explain the other half: a controller is the same all along.
 
-    Halves alternate in pieces, and each explains the other at least half as well as all of it is explained.
+    Halves alternate in pieces, and each explains the other at least half as well as the ``share`` that is explained of all.
     """
     half = (np.arange(len(z)) * 2 * LOOP_PIECES // len(z)) % 2 == 0
-    whole = _explained(e, z)
     for learnt in (half, ~half):
-        w = linear_least_squares(e[learnt], z[learnt], rcond=1e-10)
-        other = z[~learnt] - e[~learnt] @ w
-        if 1.0 - float(other @ other) / max(float(z[~learnt] @ z[~learnt]), 1e-300) < 0.5 * whole:
+        w = linear_least_squares(e[learnt], z[learnt], rcond=UNSEEN)
+        if _explained(z[~learnt], z[~learnt] - e[~learnt] @ w) < 0.5 * share:
             return False
     return True
 
@@ -101,7 +95,7 @@ def _repeated(record: Record, i: int, rows: np.ndarray) -> list[np.ndarray]:
     """The mean move of the input in the other runs at the same age: a profile that is run again follows no noise."""
     moves = np.diff(record.u[i], prepend=record.u[i, :1])
     moves[record.starts] = 0.0
-    age = np.arange(record.n_samples) - record.starts[record.run_of_row]
+    age = ages_of(record.starts, record.n_samples)
     total, count = np.bincount(age, moves), np.bincount(age)
     others = (total[age] - moves) / np.maximum(count[age] - 1, 1)
     return [others[rows]] if np.any(others[rows] != 0) else []
@@ -112,5 +106,5 @@ def _foretold(own: np.ndarray, move: np.ndarray) -> tuple[np.ndarray, np.ndarray
     left = move
     for _ in range(3):
         calm = np.abs(left) <= JUMP_OF_INPUT * float(np.median(np.abs(left)))
-        left = move - own @ linear_least_squares(own[calm], move[calm], rcond=1e-10)
+        left = move - own @ linear_least_squares(own[calm], move[calm], rcond=UNSEEN)
     return left, np.abs(left) <= JUMP_OF_INPUT * float(np.median(np.abs(left)))

@@ -61,9 +61,9 @@ class Coordinates:
         allowed = nearest(theta)
         return np.where(allowed == theta, z, self.of(allowed))
 
-    def in_parameters(self, fit: Fit | None) -> Fit | None:
+    def in_parameters(self, fit: Fit) -> Fit:
         """A fit in coordinates with its parameters, and sensitivities to them."""
-        if fit is None or not self.effects:
+        if not self.effects:
             return fit
         theta, lin = self.theta(fit.theta), fit.linearised
         if lin is not None:

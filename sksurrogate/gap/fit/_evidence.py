@@ -89,21 +89,10 @@ def gain_by_size(n_values: int, ratio: float) -> float:
 
 def judged_under(candidate: C, noises: Sequence[Noise]) -> Evidence[C]:
     """A candidate under the first of the likeliest of some noises."""
-    best = Evidence(candidate, noises[0], -np.inf, quick=True)
     linear = linear_set(candidate)
-    if not np.all(np.isfinite(linear.J)):
-        return best
-    for noise in noises:
-        try:
-            G, logdet = linear.gram(noise)
-        except np.linalg.LinAlgError:
-            continue
-        if not np.all(np.isfinite(G)):
-            continue
-        value = linear.within_bounds(G, logdet)
-        if value > best.log_likelihood:
-            best = Evidence(candidate, noise, value, quick=True)
-    return best
+    values = [linear.likelihood_within_bounds(noise) for noise in noises]
+    k = int(np.argmax(values))
+    return Evidence(candidate, noises[k], values[k], quick=True)
 
 
 def estimate_noise(
@@ -118,7 +107,8 @@ def estimate_noise(
     """
     forces, white = candidate.other_noises(start)
     noises = [start, *forces, *white]
-    value = [judged_under(candidate, [noise]).log_likelihood for noise in noises]
+    linear = linear_set(candidate)
+    value = [linear.likelihood_within_bounds(noise) for noise in noises]
     k = int(np.argmax(value)) if max(value) > value[0] + LIKELIER else 0
     if k > len(forces) and candidate.white_alone:
         return follow_noise(candidate, noises[k], max_iterations=max_iterations)
@@ -136,7 +126,7 @@ def follow_noise(
         return Evidence(candidate, start, -np.inf)
     options = {"curvature": curvature, "max_iterations": max_iterations, "sigma_unit": candidate.problem.sd}
     noise, _, curved = linear.noise_from(start, **options)
-    return Evidence(candidate, noise, judged_under(candidate, [noise]).log_likelihood, curved)
+    return Evidence(candidate, noise, linear.likelihood_within_bounds(noise), curved)
 
 
 def follow_null(

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from sksurrogate.gap.fit._ode import OdeBackend
@@ -23,7 +21,7 @@ def rows_that_jump(problem: OdeBackend, x: np.ndarray) -> np.ndarray:
 
     ``x`` (n_states, n_samples).
     """
-    model, step = replace(problem, free=()).augmented(()), getattr(problem.plant.simulator, "timestep", None)
+    model, step = problem.nominal_model, getattr(problem.plant.simulator, "timestep", None)
     if not (model.may_jump and step):
         return np.zeros(x.shape[1], bool)
     bound, noise, now = model.bind(np.zeros((0, 1))), model.closing_weight(problem.sd), x[:, None]

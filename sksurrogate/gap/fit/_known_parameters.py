@@ -41,14 +41,15 @@ class KnownParameters:
 
     def check(self, params: Mapping[str, float]) -> None:
         """DataError where bounds or a prior hold no value of the sign of the nominal one."""
-        for name, (low, high) in self.bounds.items():
-            nominal = params[name]
-            if nominal != 0 and max(low / nominal, high / nominal) <= 0.0:
-                raise DataError(_other_sign(f"bounds[{name!r}]=({low:g}, {high:g})", name, nominal))
-        for name, (mean, sd) in self.priors.items():
-            nominal = params[name]
-            if nominal != 0 and mean / nominal <= 0.0:
-                raise DataError(_other_sign(f"priors[{name!r}]=({mean:g}, {sd:g})", name, nominal))
+        for what, given in (("bounds", self.bounds), ("priors", self.priors)):
+            for name, (a, b) in given.items():
+                nominal, held = params[name], (a, b) if what == "bounds" else (a,)  # a prior its mean
+                if nominal != 0 and max(value / nominal for value in held) <= 0.0:
+                    raise DataError(
+                        f"{what}[{name!r}]=({a:g}, {b:g}) holds no value of the sign of the simulator's {name}={nominal:g}, and "
+                        "re-tuning keeps the sign: give the simulator a value within them, "
+                        f"set_params(params__{name}=...)."
+                    )
 
     def free_bounds(self, name: str, nominal: float) -> tuple[float, float]:
         """Bounds of a free parameter."""
@@ -56,11 +57,11 @@ class KnownParameters:
         if nominal == 0:
             return low, high
         least, most = sorted((low / nominal, high / nominal))
-        first = float(np.log(least)) if least > 0 else None
-        last = float(np.log(most)) if np.isfinite(most) else None
+        first = float(np.log(least)) if least > 0 else -np.inf
+        last = float(np.log(most)) if np.isfinite(most) else np.inf
         return (
-            min(-FARTHEST_RATIO, last - FARTHEST_RATIO if last is not None else np.inf) if first is None else first,
-            max(FARTHEST_RATIO, first + FARTHEST_RATIO if first is not None else -np.inf) if last is None else last,
+            first if np.isfinite(first) else min(-FARTHEST_RATIO, last - FARTHEST_RATIO),
+            last if np.isfinite(last) else max(FARTHEST_RATIO, first + FARTHEST_RATIO),
         )
 
     def free_prior(self, name: str, nominal: float, phi: float) -> tuple[float, float]:
@@ -130,10 +131,3 @@ def _place_of_error(effect: BaseEffect) -> str:
 def _as_error(nominal: float) -> Callable[[float], float]:
     """A value of a parameter as a relative error; as itself where the nominal value is 0."""
     return lambda value: value if nominal == 0 else value / nominal - 1.0
-
-
-def _other_sign(given: str, name: str, nominal: float) -> str:
-    return (
-        f"{given} holds no value of the sign of the simulator's {name}={nominal:g}, and re-tuning keeps the sign: give the "
-        f"simulator a value within them, set_params(params__{name}=...)."
-    )

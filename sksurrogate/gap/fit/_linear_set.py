@@ -67,8 +67,18 @@ class LinearSet(LinearModel, Generic[C]):
         left = eliminate(G[: 1 + k, : 1 + k], k, self.precision, self.pull)
         return -0.5 * (float(left[0, 0]) + logdet + self.base.prior_square)
 
+    def likelihood_within_bounds(self, noise: Noise) -> float:
+        """Under a noise, parameters at their best within their bounds; -inf where a trajectory left the finite numbers."""
+        if not np.isfinite(self.J).all():
+            return -np.inf
+        try:
+            G, logdet = self.gram(noise)
+        except np.linalg.LinAlgError:
+            return -np.inf
+        return self.within_bounds(G, logdet) if np.isfinite(G).all() and np.isfinite(logdet) else -np.inf
+
     def within_bounds(self, G: np.ndarray, logdet: float) -> float:
-        """The same at the best parameters within their bounds; -inf where a trajectory left the finite numbers."""
+        """The same from a Gram."""
         base = -0.5 * (G[0, 0] + logdet + self.base.prior_square)
         if len(G) == 1:
             return base

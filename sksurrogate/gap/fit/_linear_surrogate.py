@@ -7,6 +7,7 @@ candidates, carries a coloured disturbance to the outputs, and says where a dist
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 
@@ -47,10 +48,8 @@ class LinearSurrogate:
 
     def transients(self) -> np.ndarray:
         """Outputs after a unit of every initial state (n_outputs, n_states, n_samples)."""
-        n = len(self.A)
-        b = np.zeros((n, n, self.n_samples))
-        for i in range(n):
-            b[i, i, self.starts] = self.scale[i]
+        b = np.zeros((*self.A.shape, self.n_samples))
+        b[:, :, self.starts] = np.diag(self.scale)[:, :, None]
         return np.einsum("oi,ikt->okt", self.C, solve_recursion(self.band, b))
 
     def disturbance(
@@ -89,30 +88,21 @@ def learn(record: Record, y: np.ndarray) -> LinearSurrogate:
     z, u = (y - middle) / spread, (record.u - level) / size
     trials: list[tuple[float, int, LinearSurrogate]] = []
     past = int(min(ROWS_OF_PAST, max((record.lengths.max() - 1) // 3, 1)))
-    for n in ORDERS:
-        for through in (False, True):
-            try:
-                found = subspace([u[:, s].T for s in pieces], [z[:, s].T for s in pieces], n, past, through)
-            except np.linalg.LinAlgError:
-                continue
-            if found is None:
-                continue
-            A, B, C, D, b, c = found
-            model = LinearSurrogate(A, B, C, D, np.ones(n), record.starts, record.n_samples)
-            error = _free_error(model, u, z, b, c)
-            if np.isfinite(error):
-                trials.append((error, n + through, model))
+    for n, through in product(ORDERS, (False, True)):
+        try:
+            found = subspace([u[:, s].T for s in pieces], [z[:, s].T for s in pieces], n, past, through)
+        except np.linalg.LinAlgError:
+            continue
+        if found is None:
+            continue
+        A, B, C, D, b, c = found
+        model = LinearSurrogate(A, B, C, D, np.ones(n), record.starts, record.n_samples)
+        error = _free_error(model, u, z, b, c)
+        if np.isfinite(error):
+            trials.append((error, n + through, model))
     if not trials:
-        m, k = len(y), len(record.u)
-        return LinearSurrogate(
-            0.5 * np.eye(m),
-            np.zeros((m, k)),
-            np.eye(m),
-            np.zeros((m, k)),
-            spread[:, 0],
-            record.starts,
-            record.n_samples,
-        )
+        A, none = np.eye(len(y)), np.zeros((len(y), len(record.u)))
+        return LinearSurrogate(0.5 * A, none, A, none, spread[:, 0], record.starts, record.n_samples)
     best = min(error for error, _, _ in trials)
     _, _, model = min((item for item in trials if item[0] <= WORSE * best + 1e-4), key=lambda item: item[1:2])
     return replace(model, B=model.B / size.T, C=spread * model.C, D=spread * model.D / size.T)
@@ -123,9 +113,7 @@ def _free_error(model: LinearSurrogate, u: np.ndarray, z: np.ndarray, b: np.ndar
     n = len(model.A)
     load = np.zeros((n, 1 + n, model.n_samples))
     load[:, 0, 1:] = (model.B @ u + b[:, None])[:, :-1]
-    load[:, :, model.starts] = 0.0
-    for i in range(n):
-        load[i, 1 + i, model.starts] = 1.0
+    load[:, :, model.starts] = np.eye(n, 1 + n, 1)[:, :, None]
     x = solve_recursion(model.band, load)
     seen = np.einsum("oi,ikt->kot", model.C, x)
     r = z - seen[0] - model.D @ u - c[:, None]

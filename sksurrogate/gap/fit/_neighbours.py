@@ -26,7 +26,7 @@ SAMPLES_OF_PATH, MOVED_OF_RANGE = 64, 1e-3
 def neighbours(model: PlantModel, t: np.ndarray, x: np.ndarray, u: np.ndarray) -> Neighbours:
     """States near each state: those that its rate sees along a path, and those whose rates see it.
 
-    A position and its speed are one neighbour. None for small plants. In a step everything sees everything: of plants that step,
+    A position and its speed are one neighbour. Empty for small plants. In a step everything sees everything: of plants that step,
     the joints say what is near.
 
     ``t, x, u``: (n_samples,), (n_states, n_samples), (n_inputs, n_samples).

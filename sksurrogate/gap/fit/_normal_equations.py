@@ -91,19 +91,14 @@ def start_coordinates(columns: np.ndarray, J_x: np.ndarray, starts: np.ndarray) 
 
 
 def project_starts(columns: np.ndarray, J_x: np.ndarray, starts: np.ndarray) -> np.ndarray:
-    """Take the initial states of every run out of columns (n_columns, n_outputs, n_samples)."""
-    return projected(columns, start_bases(J_x, starts, columns.shape[-1]))
-
-
-def projected(columns: np.ndarray, bases: Iterable[StartBasis]) -> np.ndarray:
-    """The same with the bases known."""
+    """Columns (n_columns, n_outputs, n_samples) with the initial states of every run taken out."""
     out = columns.copy()
-    project_in_place(out, bases)
+    project_in_place(out, start_bases(J_x, starts, columns.shape[-1]))
     return out
 
 
 def project_in_place(columns: np.ndarray, bases: Iterable[StartBasis]) -> None:
-    """The same, written into the columns."""
+    """The same with the bases known, written into the columns."""
     for a, b, q in bases:
         part = columns[:, :, a:b].reshape(len(columns), -1)
         columns[:, :, a:b] = (part - (part @ q) @ q.T).reshape(len(columns), columns.shape[1], b - a)

@@ -18,7 +18,7 @@ from sksurrogate.gap.fit._closeness import FAR_BY_COST, worth_following
 from sksurrogate.gap.fit._coordinates import coordinates_of
 from sksurrogate.gap.fit._known_parameters import KnownParameters
 from sksurrogate.gap.fit._neighbours import Neighbours
-from sksurrogate.gap.fit._normal_equations import StartBasis, projected, start_bases
+from sksurrogate.gap.fit._normal_equations import StartBasis, project_in_place, start_bases
 from sksurrogate.gap.fit._pushes import REMEMBERED
 from sksurrogate.gap.fit._recent import recent_property
 from sksurrogate.kernels.arrow import Arrow
@@ -125,13 +125,18 @@ class OdeCandidate(BaseCandidate):
         return self.fit.x
 
     @property
+    def states(self) -> np.ndarray:
+        """Of the plant along the free run (n_states, n_samples), without those of the effects' own."""
+        return self.fit.x[: self.model.n_nominal]
+
+    @property
     def n_starts(self) -> int:
         return int(np.sum(self.model.free_states)) * len(self.problem.record.starts)
 
     def without_starts(self, columns: np.ndarray, starts: np.ndarray | None = None) -> np.ndarray:
-        white = 1.0 / self.problem.sd[:, None]
-        bases = self.start_bases if starts is None else self._bases_from(starts)
-        return projected(self.problem.record.seen(columns) * white, bases)
+        white = np.ascontiguousarray(self.problem.record.seen(columns) * (1.0 / self.problem.sd[:, None]))
+        project_in_place(white, self.start_bases if starts is None else self._bases_from(starts))
+        return white
 
     def frozen(self, theta: np.ndarray, *, near: bool = False) -> OdeCandidate | None:
         """Free run at fixed parameters with the initial states fitted; ``near`` this one, to which it falls back."""
@@ -151,7 +156,7 @@ class OdeCandidate(BaseCandidate):
 
     def taken_out(self, i: int) -> OdeCandidate | None:
         rest, theta = self.without_effect(i)
-        model, x = self.problem.augmented(rest), self.fit.x[: self.model.n_nominal]
+        model, x = self.problem.augmented(rest), self.states
         if model.n_states > model.n_nominal:
             x = settle_hidden(model, theta, x)
         return self.problem.candidate(rest, replace(self.fit, theta=theta, x=x), model).frozen(theta)
@@ -217,7 +222,7 @@ class OdeCandidate(BaseCandidate):
         return np.abs(fits[0].fit.theta - fits[1].fit.theta)
 
     def initial_states(self) -> np.ndarray:
-        return self.fit.x[: self.model.n_nominal, self.problem.record.starts].T
+        return self.states[:, self.problem.record.starts].T
 
     @property
     def signals(self) -> dict[str, np.ndarray]:
@@ -240,7 +245,6 @@ class OdeCandidate(BaseCandidate):
 class OdeBackend(Backend):
     """Everything that the questions of a diagnosis share."""
 
-    plant: Plant
     model: PlantModel
     record: Record
     sd: np.ndarray
@@ -254,6 +258,15 @@ class OdeBackend(Backend):
     run: np.ndarray | None = None
     known: KnownParameters = field(default_factory=KnownParameters)
     near: Neighbours = field(default_factory=dict)  #: States near each balance of a large plant
+
+    @property
+    def plant(self) -> Plant:  # type: ignore[override]
+        return self.model.plant
+
+    @property
+    def nominal_model(self) -> AugmentedModel:
+        """The simulator alone, its parameters as they are."""
+        return replace(self, free=()).augmented(())
 
     @property
     def sharpness(self) -> float:  # type: ignore[override]
@@ -293,16 +306,11 @@ class OdeBackend(Backend):
         """Places of the balances among the states."""
         return [self.plant.states.index(name) for name in self.balances]
 
-    @property
-    def rigid(self) -> np.ndarray:
-        """Kinematic rows, in which no balance can be wrong."""
-        return np.array([name not in self.balances for name in self.plant.states])
-
     def smooth(self, model: AugmentedModel, theta: np.ndarray, x: np.ndarray) -> Smoothed:
         """Smoothed trajectory of a model, from a guess of all its states."""
-        rigid = np.r_[self.rigid, np.ones(model.n_states - model.n_nominal, bool)]
+        rigid, record = np.ones(model.n_states, bool), self.record
+        rigid[self.rows_of_balances] = False  # in others no balance can be wrong
         with np.errstate(all="ignore"):
-            record = self.record
             bound = model.bind(theta[:, None])
             return smooth(bound, record.y, record.starts, self.sd, x, model.scale, rigid=rigid, known=record.known)
 
@@ -326,12 +334,11 @@ class OdeBackend(Backend):
                 fallback = settle_hidden(model, theta, fallback)
             unit = self.units(effects, theta)
             low, high = self.bounds(effects)
-            fit: Fit | None = None
             fell_back = False
             centre, prior = self.prior(effects, theta)
             steps = coordinates_of(effects, model.slice_of, self.signals_along(start))
             for repeat in range(3 if self.free else 1):
-                fit = output_error(
+                found = output_error(
                     steps.model(model),
                     steps.of(theta),
                     start,
@@ -349,30 +356,24 @@ class OdeBackend(Backend):
                     idle=0.0 if settled else IDLE_NATS * 2 * REMEMBERED / self.record.n_values,
                     idle_above=FAR_BY_COST * self.record.n_values,
                 )
-                fit = steps.in_parameters(fit)
-                if fit is None:
+                if found is None:
                     return None
+                fit = steps.in_parameters(found)
                 fell_back = fell_back and not fit.fell_back if repeat else fit.fell_back  # the first alone
                 # Student's t as a reweighted Gaussian: few rounds settle it.
                 before, (centre, prior) = prior, self.prior(effects, fit.theta)
                 if np.allclose(before, prior, rtol=0.3):
                     break
                 theta, start = fit.theta, fit.x
-        assert fit is not None
         return self.candidate(effects, replace(fit, fell_back=fell_back), model)
 
     def units(self, effects: Sequence[BaseEffect], theta: np.ndarray) -> np.ndarray:
         """Sizes of the parameters for differences near 0."""
         unit = np.where(np.abs(theta) > 0, np.abs(theta), 1e-3)
-        position = 0
-        for effect in effects:
-            for parameter in effect.parameters:
-                if parameter.name in ("phase", "share", "relative_error", "exponent"):
-                    unit[position] = max(unit[position], 0.1)
-                position += 1
-        unit[position:] = [
-            1.0 if self.plant.params[name] != 0 else max(abs(v), 1e-2) for name, v in zip(self.free, theta[position:])
-        ]
+        names = [parameter.name for effect in effects for parameter in effect.parameters]
+        some = [k for k, name in enumerate(names) if name in ("phase", "share", "relative_error", "exponent")]
+        unit[some], n = np.maximum(unit[some], 0.1), len(names)
+        unit[n:] = [1.0 if self.plant.params[name] != 0 else max(abs(v), 1e-2) for name, v in zip(self.free, theta[n:])]
         return unit
 
     # ---- likelihood -------------------------------------------------------------------------------------------------

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from collections.abc import Callable
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -10,16 +11,13 @@ from sksurrogate.effects._effect import BaseEffect, Probe
 from sksurrogate.effects._ports import at_port
 from sksurrogate.effects._wires import beside
 
-
-class SignalSlopes(Protocol):
-    """Slopes of the log likelihood in the inputs and readings along one linearisation."""
-
-    def of(self, kind: str, place: str) -> tuple[np.ndarray, np.ndarray] | None:
-        """The signal and the slope in it, each (n_samples,); None where none is known."""
+#: Of a kind of place and its name the signal there and the slope of the log likelihood in it, each (n_samples,); None where none is
+#: known.
+SlopesOf: TypeAlias = Callable[[str, str], tuple[np.ndarray, np.ndarray] | None]
 
 
 def probe_of(
-    problem: Any, effect: BaseEffect, x: np.ndarray, rates: np.ndarray, slopes: SignalSlopes | None = None
+    problem: Any, effect: BaseEffect, x: np.ndarray, rates: np.ndarray, slopes: SlopesOf | None = None
 ) -> Probe:
     """What an effect sees of a trajectory (n_states, n_samples); of one without states its inputs and readings."""
     plant, record = problem.plant, problem.record
@@ -49,6 +47,6 @@ def probe_of(
         v = where if v is None else v
     duration = record.dt * int(record.lengths.max())
     noise = float(problem.sd[plant.outputs.index(str(effect.location))]) if effect.kind == "output" else 0.0
-    slope = None if slopes is None else slopes.of(effect.kind, str(effect.location))
+    slope = None if slopes is None else slopes(effect.kind, str(effect.location))
     pair = factors if len(factors) == 2 else ()
     return Probe(v, where, rate, record.dt, duration, record.starts, pair, noise, slope, feedback)

@@ -65,10 +65,10 @@ def share_of_rounding(step: float, y: np.ndarray) -> float:
 
 def names_steps(candidate: BaseCandidate) -> bool:
     """Whether an effect of a candidate is a rounding whose steps the readings show."""
-    outputs, record = candidate.problem.plant.outputs, candidate.problem.record
+    plant, record = candidate.problem.plant, candidate.problem.record
     return any(
         effect.name == "sensor_quantization"
-        and bool(shows_steps(record.measured(outputs.index(str(effect.location))), candidate.theta_of(i)[0])[0])
+        and bool(shows_steps(rounded_signal(plant, record, effect), candidate.theta_of(i)[0])[0])
         for i, effect in enumerate(candidate.effects)
     )
 

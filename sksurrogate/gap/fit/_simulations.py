@@ -28,7 +28,6 @@ class Simulations:
 
     plant: Plant
     record: Record
-    free: tuple[str, ...] = ()  #: Parameters that are re-tuned
     kept: dict[bytes, np.ndarray] = field(default_factory=dict)  #: The latest simulations
     #: What the simulator raised with effects, by its text: these candidates are lost
     raised: dict[str, None] = field(default_factory=dict)
@@ -76,15 +75,17 @@ class Simulations:
             self.raised.setdefault(NOT_FINITE)
         return np.where(bearable, out, np.nan)
 
-    def outputs(self, effects: Sequence[BaseEffect], theta: np.ndarray, x0: np.ndarray | None) -> np.ndarray:
-        """All runs with effects, (n_outputs, n_samples)."""
-        y = self.run(self.acting(effects, theta), self.changed(effects, theta), x0)
+    def outputs(
+        self, effects: Sequence[BaseEffect], theta: np.ndarray, x0: np.ndarray | None, free: Sequence[str]
+    ) -> np.ndarray:
+        """All runs with effects, (n_outputs, n_samples); ``free``: parameters that are re-tuned."""
+        y = self.run(self.acting(effects, theta), self.changed(effects, theta, free), x0)
         return self.read(effects, theta, y)
 
-    def changed(self, effects: Sequence[BaseEffect], theta: np.ndarray) -> dict[str, float]:
+    def changed(self, effects: Sequence[BaseEffect], theta: np.ndarray, free: Sequence[str]) -> dict[str, float]:
         """Parameters that differ from the simulator's."""
         *parts, rest = parts_of(effects, theta)
-        out = {name: value_of(self.plant.params[name], phi) for name, phi in zip(self.free, rest)}
+        out = {name: value_of(self.plant.params[name], phi) for name, phi in zip(free, rest)}
         for effect, values in zip(effects, parts):
             if isinstance(effect, ParameterEffect):
                 name = str(effect.location)

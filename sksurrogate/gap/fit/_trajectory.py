@@ -23,6 +23,8 @@ from sksurrogate.kernels.disturbance import Disturbance, Noise
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics._simulator import Plant
 
+#: Steps of a fit.
+STEPS = 10
 #: Relative change of the parameters up to which a prediction is taken as linear in them.
 LINEAR = 0.05
 NO_PARAMETERS = np.zeros(0)
@@ -166,8 +168,7 @@ class TrajectoryBackend(Backend):
 
     def outputs(self, effects: Sequence[BaseEffect], theta: np.ndarray, x0: np.ndarray | None = None) -> np.ndarray:
         """All runs with effects, (n_outputs, n_samples)."""
-        simulations = replace(self.simulations, free=self.free)
-        return simulations.outputs(effects, theta, self.x0 if x0 is None else x0)
+        return self.simulations.outputs(effects, theta, self.x0 if x0 is None else x0, self.free)
 
     def over_inputs(self, u: np.ndarray) -> TrajectoryBackend:
         """The same simulator over one run of other inputs (n_inputs, n_samples)."""
@@ -175,7 +176,7 @@ class TrajectoryBackend(Backend):
         record = Record(u, known.y[:, :n], known.dt * np.arange(n), np.array([0]), known.dt)
         return replace(
             self,
-            simulations=Simulations(self.plant, record, self.free, raised=self.simulations.raised),
+            simulations=Simulations(self.plant, record, raised=self.simulations.raised),
             surrogate=replace(self.surrogate, starts=record.starts, n_samples=n),
             transients=self.transients[:, :, :n],
             x0=None if self.x0 is None else self.x0[:1],
@@ -276,9 +277,9 @@ class TrajectoryBackend(Backend):
     ) -> np.ndarray:
         """Differences with respect to some parameters, (n_only, n_outputs, n_samples)."""
         _, high = self.bounds(effects)
-        out = np.zeros((len(only), *y.shape))
+        out, units = np.zeros((len(only), *y.shape)), self.units(theta)
         for row, k in enumerate(only):
-            step = COARSE_STEP * max(abs(theta[k]), self.unit(effects, k))
+            step = COARSE_STEP * units[k]
             step = -step if theta[k] + step > high[k] else step
             moved = theta.copy()
             moved[k] += step
@@ -286,12 +287,13 @@ class TrajectoryBackend(Backend):
             out[row] = np.where(np.isfinite(change), change, 0.0)
         return out
 
-    def unit(self, effects: Sequence[BaseEffect], k: int) -> float:
-        """Size of parameter k near 0."""
-        return 0.1 if k >= sum(len(effect.parameters) for effect in effects) else 1e-2
+    def units(self, theta: np.ndarray) -> np.ndarray:
+        """Sizes of the parameters, near 0 a hundredth, of free ones a tenth."""
+        n_free = len(self.free)
+        return np.maximum(np.abs(theta), np.repeat([1e-2, 0.1], [len(theta) - n_free, n_free]))
 
     def fit(
-        self, effects: tuple[BaseEffect, ...], theta: np.ndarray, J: np.ndarray | None = None, steps: int = 10
+        self, effects: tuple[BaseEffect, ...], theta: np.ndarray, J: np.ndarray | None = None
     ) -> TrajectoryCandidate | None:
         """Levenberg-Marquardt with Broyden's update; ``J`` (n_theta, n_outputs, n_samples) as far as it is known, else nan."""
         theta = self.within(effects, theta)
@@ -304,7 +306,7 @@ class TrajectoryBackend(Backend):
             J[unknown] = self.slopes(effects, theta, y, unknown)
         damping, fresh, slow = 1e-3, True, 0
         cost = self.penalised(effects, theta, y)
-        for _ in range(steps if len(theta) else 0):
+        for _ in range(STEPS if len(theta) else 0):
             trial = self.within(effects, theta + self.step(effects, theta, y, J, damping))
             moved = trial - theta
             if np.max(np.abs(moved) / np.maximum(np.abs(theta), 1e-3), initial=0.0) < 1e-5:
@@ -312,7 +314,7 @@ class TrajectoryBackend(Backend):
             y_new = self.outputs(effects, trial)
             new = self.penalised(effects, trial, y_new)
             if np.all(np.isfinite(y_new)):  # Broyden in units of the parameters
-                size = np.array([max(abs(v), self.unit(effects, k)) for k, v in enumerate(theta)])
+                size = self.units(theta)
                 direction = moved / size
                 miss = (y_new - y - np.einsum("k,kot->ot", moved, J)) / max(float(direction @ direction), 1e-300)
                 J = J + (direction / size)[:, None, None] * miss
@@ -330,6 +332,15 @@ class TrajectoryBackend(Backend):
             else:
                 J, fresh = self.slopes(effects, theta, y, range(len(theta))), True
         return TrajectoryCandidate(effects, TrajectoryFit(theta, y, J.transpose(1, 0, 2), cost), self)
+
+    def fit_added(
+        self, base: TrajectoryCandidate, effect: BaseEffect, values: np.ndarray, slopes: np.ndarray | None = None
+    ) -> TrajectoryCandidate | None:
+        """A base with one effect more, fitted from its values; ``slopes`` (n_values, n_outputs, n_samples) where they are known."""
+        n, known = base.n_parameters, base.fit.J.transpose(1, 0, 2)
+        own = np.full((len(values), *base.fit.y.shape), np.nan) if slopes is None else slopes
+        J = np.concatenate([known[:n], own, known[n:]])
+        return self.fit((*base.effects, effect), base.theta_with(values), J)
 
     def step(
         self, effects: Sequence[BaseEffect], theta: np.ndarray, y: np.ndarray, J: np.ndarray, damping: float

@@ -5,25 +5,21 @@ Once more, too, where only some of the runs have a gap, and where a disturbance 
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 from sksurrogate.gap._pipeline import DiagnosisPipeline
 from sksurrogate.gap._progress import Progress
 from sksurrogate.gap.faults._record_book import record_book
-from sksurrogate.gap.rounds._some_runs import Answer, in_some_runs
+from sksurrogate.gap.rounds._some_runs import Answer, Begin, in_some_runs
 from sksurrogate.gap.rounds._under_disturbance import under_disturbance
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics._simulator import Plant
 from sksurrogate.runs import Runs
 
 
-def diagnosed_in_rounds(
-    begin: Callable[[Runs, Record], DiagnosisPipeline[Any]], plant: Plant, runs: Runs, whole: Record, progress: Progress
-) -> Answer:
+def diagnosed_in_rounds(begin: Begin, plant: Plant, runs: Runs, whole: Record, progress: Progress) -> Answer:
     """Diagnose, again as long as a fault of the record is found; some of the runs alone where only they have a gap, or all under a disturbance.
 
-    ``begin``: the diagnosis of some runs.
     ``whole``: as it came.
     Returns the pipeline of the last round, and its report.
     """

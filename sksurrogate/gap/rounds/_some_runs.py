@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -20,23 +20,18 @@ from sksurrogate.gap.results._next_experiment import NATS_THAT_SETTLE
 from sksurrogate.kernels.record import Record
 from sksurrogate.runs import Runs
 
+#: The diagnosis of some runs.
+Begin: TypeAlias = Callable[[Runs, Record], DiagnosisPipeline[Any]]
 #: A diagnosis, and its report.
-Answer = tuple[DiagnosisPipeline[Any], GapReport]
+Answer: TypeAlias = tuple[DiagnosisPipeline[Any], GapReport]
 
 
-def in_some_runs(
-    begin: Callable[[Runs, Record], DiagnosisPipeline[Any]],
-    runs: Runs,
-    record: Record,
-    whole: Answer,
-    progress: Progress,
-) -> Answer | None:
+def in_some_runs(begin: Begin, runs: Runs, record: Record, whole: Answer, progress: Progress) -> Answer | None:
     """The diagnosis of the runs that the simulator alone does not explain; None where all runs are alike.
 
     What is named there must be absent from runs that would show it: their likelihood with it, initial states free, is below
     that without it by more than the choice of the runs costs.
 
-    ``begin``: the diagnosis of some runs.
     ``record``: of all of them.
     ``whole``: the diagnosis of all runs.
     """

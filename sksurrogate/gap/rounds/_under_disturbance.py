@@ -6,7 +6,6 @@ known, likelihoods hold again: a force is part of the noise, and the effect that
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -20,7 +19,7 @@ from sksurrogate.gap.fit._closeness import FAR, LARGEST_DISTURBANCE
 from sksurrogate.gap.fit._evidence import Evidence, estimate_noise
 from sksurrogate.gap.fit._ode import OdeBackend
 from sksurrogate.gap.render._notes import disturbed
-from sksurrogate.gap.rounds._some_runs import Answer, asked_again, is_late
+from sksurrogate.gap.rounds._some_runs import Answer, Begin, asked_again, is_late
 from sksurrogate.kernels.disturbance import Noise
 from sksurrogate.kernels.record import Record
 from sksurrogate.runs import Runs
@@ -29,19 +28,12 @@ from sksurrogate.runs import Runs
 NEAREST = 4
 
 
-def under_disturbance(
-    begin: Callable[[Runs, Record], DiagnosisPipeline[Any]],
-    runs: Runs,
-    record: Record,
-    first: Answer,
-    progress: Progress,
-) -> Answer | None:
+def under_disturbance(begin: Begin, runs: Runs, record: Record, first: Answer, progress: Progress) -> Answer | None:
     """The diagnosis with what the likeliest candidate leaves as a known disturbance.
 
     None where names or a law explain the gap without it, where less is left than counts as noise anyway, and where nothing is named under it
     that comes as near on runs left out as the first answer did.
 
-    ``begin``: the diagnosis of some runs.
     ``first``: the diagnosis as usual.
     """
     pipeline, report = first
@@ -53,9 +45,8 @@ def under_disturbance(
     if left is None:
         return None
     pipeline.search.report("under a disturbance of the plant")
-    answer = asked_again(
-        partial(begin, runs, replace(record, disturbance=np.hypot(record.disturbance, left))), progress
-    )
+    disturbed_record = replace(record, disturbance=np.hypot(record.disturbance, left))
+    answer = asked_again(partial(begin, runs, disturbed_record), progress)
     if answer is None or answer[1].shrink.after > remains:
         return None
     again, said = answer

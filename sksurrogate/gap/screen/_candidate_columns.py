@@ -15,7 +15,7 @@ from sksurrogate.gap.fit._probe import probe_of
 from sksurrogate.gap.screen._responses import LARGEST_CHANGE, Responses
 from sksurrogate.gap.screen._shortlist import Shortlist
 from sksurrogate.gap.screen._slopes import Slopes
-from sksurrogate.gap.screen._unseen_starts import Unseen
+from sksurrogate.gap.screen._unseen_starts import moved_through, unseen_starts
 
 #: Numbers of the states at all samples that are integrated at once: two megabytes, and a few temporary arrays of this size.
 AT_ONCE = 250_000
@@ -56,9 +56,9 @@ class CandidateColumns:
     chosen: Shortlist | None  #: Starting values by the effect's key
 
     @cached_property
-    def unseen(self) -> Unseen:
+    def unseen(self) -> np.ndarray:
         """Initial states that the base does not show."""
-        return Unseen(self.s)
+        return unseen_starts(self.s)
 
     @cached_property
     def slopes(self) -> Slopes:
@@ -96,7 +96,7 @@ class CandidateColumns:
                 columns[k],
                 paths[k][n:].copy() if len(paths[k]) > n else None,
                 bool(k < n_evident) and not self.shape,
-                self.unseen.through(effect, theta[:, k]),
+                moved_through(s, self.unseen, effect, theta[:, k]),
             )
             for k in np.flatnonzero((size > 0.0) & (size < LARGEST_CHANGE))
         ]
@@ -121,7 +121,7 @@ class CandidateColumns:
         evident, starts = [], [] if chosen is None else chosen.get(effect.key, [])
         jumps = bool(effect.scan(tuple(1.0 for _ in effect.parameters)))
         if chosen is None or effect.kind == "output" or jumps:
-            probe = probe_of(s.problem, effect, s.smoothed.x, s.problem.rate, self.slopes if jumps else None)
+            probe = probe_of(s.problem, effect, s.smoothed.x, s.problem.rate, self.slopes.of if jumps else None)
             evident = effect.evident(probe)
             starts = effect.starts(probe) if chosen is None or jumps else starts
         starts = list(dict.fromkeys([*evident, *starts]))

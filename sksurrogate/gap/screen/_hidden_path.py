@@ -48,12 +48,8 @@ def hidden_paths(effect: HiddenEffect, model: AugmentedModel, theta: np.ndarray,
         columns = np.repeat(theta, 1 + fresh, axis=1)
         after = rk4(rates, record.t, varied, mean, half, h).reshape(n, n_starts, 1 + fresh, n_samples)
         if fresh:
-            A = (
-                ((after[:, :, 1:] - after[:, :, :1]) / (DIFFERENCE_OF_STATE * size))
-                .transpose(0, 2, 1, 3)
-                .reshape(n, n, -1)
-            )
-            band = recursion_band(A, all_starts)
+            A = (after[:, :, 1:] - after[:, :, :1]) / (DIFFERENCE_OF_STATE * size)
+            band = recursion_band(A.transpose(0, 2, 1, 3).reshape(n, n, -1), all_starts)
         defect = np.zeros_like(z)
         defect[:, :, 1:] = after[:, :, 0, :-1] - z[:, :, 1:]
         defect[:, :, record.starts] = 0.0

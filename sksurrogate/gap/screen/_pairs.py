@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.gap.fit._normal_equations import eliminate_rows, inverse, project_in_place, start_bases
 from sksurrogate.gap.screen._screen import Screen, Start, grown, grows
 
@@ -25,6 +26,11 @@ class Pair(NamedTuple):
     first: Start
     second: Start
     drop: float  #: Of the squared residual over the noise
+
+    @property
+    def effects(self) -> tuple[BaseEffect, BaseEffect]:
+        """Both of them."""
+        return self.first.effect, self.second.effect
 
 
 def best_pairs(screen: Screen, most: int) -> list[Pair]:

@@ -60,8 +60,6 @@ class Responses:
             _, C = output_jacobian(self.bound, x, base.model.scale)
             self.C = problem.record.seen_of(C)
             self.y = self.bound.outputs(self.lin.x[:, None])
-        self.n_effect = sum(len(e.parameters) for e in base.effects)
-        self.n_effects = len(base.effects)
         self.pushes: dict[str, np.ndarray] = {}
         self.errors: dict[str, np.ndarray] = {}
 
@@ -89,9 +87,7 @@ class Responses:
         There is none where the base comes no nearer with it: what enters by its square has no slope at zero.
         """
         ports, record, x = self.problem.plant.further_ports, self.problem.record, self.smoothed.x
-        rows = (
-            self.problem.rows_of_balances
-        )  # forces move positions within the sample too, but along the path at its end only
+        rows = self.problem.rows_of_balances  # forces move positions within the sample, along the path at its end only
         pushes = np.array([self.unit_push(port)[rows] for port in ports])
         missed = np.zeros((len(rows), record.n_samples))
         missed[:, :-1] = x[rows, 1:] - self.after[rows, 0, :-1]
@@ -130,8 +126,13 @@ class Responses:
 
     def theta_with(self, starts: np.ndarray) -> np.ndarray:
         """Parameters of the base with those of one effect more (n_theta, n_starts)."""
-        fitted = np.repeat(self.base.fit.theta[:, None], starts.shape[1], axis=1)
-        return np.concatenate([fitted[: self.n_effect], starts, fitted[self.n_effect :]])
+        fitted, n = np.repeat(self.base.fit.theta[:, None], starts.shape[1], axis=1), self.base.n_parameters
+        return np.concatenate([fitted[:n], starts, fitted[n:]])
+
+    def stepped(self, model: AugmentedModel, theta: np.ndarray, before: np.ndarray) -> np.ndarray:
+        """What a model at parameters (n_theta, n_starts) changes in the next states ``before``: a step of the plant for each."""
+        now = np.repeat(self.smoothed.x[:, None], theta.shape[1], axis=1)
+        return np.asarray(model.bind(theta)(now) - before)
 
     def paths(self, effect: BaseEffect, model: AugmentedModel, starts: np.ndarray) -> list[np.ndarray]:
         """The smoothed trajectory for every start, with the states of the effect's own."""
@@ -155,8 +156,7 @@ class Responses:
             change = self.entered(effect, model, theta)
             if np.all(np.abs(change) < LARGEST_CHANGE * model.scale[:, None, None]):
                 return change  # else a unit of the input is beyond what the simulator takes
-        now = np.repeat(self.smoothed.x[:, None], starts.shape[1], axis=1)
-        return np.asarray(model.bind(theta)(now) - self.after)
+        return self.stepped(model, theta, self.after)
 
     def entered(self, effect: InputEffect, model: AugmentedModel, theta: np.ndarray) -> np.ndarray:
         """What another input changes in the next states (n_states, n_starts, n_samples): its mean over the sample, times what a unit of it changes.
@@ -178,8 +178,7 @@ class Responses:
             return self.switched(model, theta)
         if model.may_jump and not constant_in_time(effect):
             return self.followed(effect, model, starts)
-        now = np.repeat(self.smoothed.x[:, None], starts.shape[1], axis=1)
-        return np.asarray(model.bind(theta)(now) - after)
+        return self.stepped(model, theta, after)
 
     def let_stick(self, out: np.ndarray, effect: BalanceEffect, model: AugmentedModel, starts: np.ndarray) -> None:
         """Columns of a friction along a path that sticks, where the sign is that of the noise, from a run that is slowed."""
@@ -254,10 +253,10 @@ class Responses:
 
         Before the jump nothing, after it what the new value changes, within the sample of the jump its share.
         """
-        record, place = self.problem.record, self.n_effect + 1
+        record, place = self.problem.record, self.base.n_parameters + 1
         always = theta[:, :1].copy()
         always[place] = -record.dt - float(np.ptp(record.t))
-        new = (model.bind(always)(self.smoothed.x[:, None]) - self.along[1])[: self.base.model.n_states]
+        new = self.stepped(model, always, self.along[1])[: self.base.model.n_states]
         return new * np.clip((record.t + record.dt - theta[place][:, None]) / record.dt, 0.0, 1.0)
 
     def followed(self, effect: ParameterEffect, model: AugmentedModel, starts: np.ndarray) -> np.ndarray:
@@ -267,7 +266,7 @@ class Responses:
         value of a parameter, which costs more than its step.
         """
         x, u = self.smoothed.x[:, None], self.bound.acting(0)
-        driver = () if effect.variable is None else (model.variable(self.n_effects, x, u),)
+        driver = () if effect.variable is None else (model.variable(len(self.base.effects), x, u),)
         how = self.problem.record.t, [row[:, None] for row in starts], self.bound.h
         relative = np.broadcast_to(effect.value(1.0, *how, *driver) - 1.0, (starts.shape[1], x.shape[2]))
         return self.unit_error(str(effect.location))[:, None] * relative
@@ -277,9 +276,8 @@ class Responses:
         if name not in self.errors:
             error, (held, after) = ParameterError(name), self.along
             theta = self.base.theta_with(np.array([UNIT_ERROR]))
-            bound = self.problem.augmented((*self.base.effects, error, *held)).bind(theta[:, None])
-            change = (bound(self.smoothed.x[:, None]) - after)[:, 0]
-            self.errors[name] = change / UNIT_ERROR
+            model = self.problem.augmented((*self.base.effects, error, *held))
+            self.errors[name] = self.stepped(model, theta[:, None], after)[:, 0] / UNIT_ERROR
         return self.errors[name]
 
     def unit_push(self, place: str) -> np.ndarray:
@@ -289,7 +287,6 @@ class Responses:
             force, states = ConstantBias(place), problem.plant.states
             size = problem.rate[states.index(place)] if place in states else problem.port_rate(place)
             unit = 1e-2 * float(size) or 1e-6
-            theta = base.theta_with(np.array([unit]))
-            bound = problem.augmented((*base.effects, force)).bind(theta[:, None])
-            self.pushes[place] = (bound(self.smoothed.x[:, None]) - self.after)[:, 0] / unit
+            model, theta = problem.augmented((*base.effects, force)), base.theta_with(np.array([unit]))
+            self.pushes[place] = self.stepped(model, theta[:, None], self.after)[:, 0] / unit
         return self.pushes[place]

@@ -14,13 +14,7 @@ import numpy as np
 
 from sksurrogate._parallel._worker_process import WorkerProcess
 from sksurrogate.effects._effect import BaseEffect
-from sksurrogate.gap.fit._normal_equations import (
-    eliminate,
-    eliminate_rows,
-    inverse,
-    scores,
-    start_coordinates,
-)
+from sksurrogate.gap.fit._normal_equations import eliminate, eliminate_rows, inverse, scores, start_coordinates
 from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.screen._candidate_columns import CandidateColumns, Column
 from sksurrogate.gap.screen._left_by_several import left_by_several
@@ -129,17 +123,13 @@ def screen(
         if first is not None and first.columns is not None:
             effects, raw = [start.effect for start in first.starts], [start.raw for start in first.starts]
             chosen = shortlist(effects, raw, first.columns, first.low, first.high, s)
-        at_once = len(candidates) if chosen is not None else _at_once(s)
+        numbers = USUAL_STARTS * s.known[0].size  # of the columns of one candidate
+        at_once = len(candidates) if chosen is not None else max(int(MOST_NUMBERS_AT_ONCE / numbers), 1)
         parts = [candidates[a : a + at_once] for a in range(0, len(candidates), max(at_once, 1))]
         most = max(int(MOST_NUMBERS_KEPT / len(candidates) / s.known[0].size), 1) if len(parts) > 1 else None
         asked = CandidateColumns(s, shape, chosen)
         columns = (asked.of_all(part, second) for part in parts)
         return _joined_blocks(s, [_block(s, some, noise, most) for some in columns if some])
-
-
-def _at_once(s: Responses) -> int:
-    """Candidates whose columns are held in double precision at one time."""
-    return max(int(MOST_NUMBERS_AT_ONCE / (USUAL_STARTS * s.known[0].size)), 1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,8 +184,8 @@ def _block(s: Responses, columns: list[Column], noise: Noise | None, most: int |
         G[few:, few:] -= moved[chosen] @ moved[chosen].T
         return eliminate(G, few - 1, precision, pull)
 
-    forced = _forced(s, whole, few, noise, (precision, pull, low, high))
-    starts = _starts(columns, s.smoothed.x, among, drop, amplitude, forced)
+    forced = _forced(s, whole, noise, low, high)
+    starts = _starts(columns, s.smoothed.x, among, low, drop, amplitude, forced)
     block = _Block(starts, flat, moved, rows[1:, few:], g, h, low, high)
     return block if most is None else block.of(_best_of_each(starts, most))
 
@@ -204,7 +194,7 @@ def _best_of_each(starts: Sequence[Start], most: int) -> np.ndarray:
     """Places of the best starting values of every effect, in their order, both quadratures of a sine; evident ones stay."""
     ranks: dict[int, dict[object, int]] = {}
     kept = []
-    for k in sorted(range(len(starts)), key=lambda k: -max(starts[k].white, starts[k].forced)):
+    for k in sorted(range(len(starts)), key=lambda k: -starts[k].promises):
         effect, values = starts[k].effect, starts[k].theta
         sine = any(parameter.name == "phase" for parameter in effect.parameters)
         rank = ranks.setdefault(id(effect), {})
@@ -241,38 +231,36 @@ def _joined_blocks(s: Responses, blocks: list[_Block]) -> Screen:
     return Screen([start for block in blocks for start in block.starts], kept, *rest, low, high, left_by)
 
 
-def _forced(s: Responses, whole: np.ndarray, few: int, noise: Noise | None, rest: tuple[np.ndarray, ...]) -> np.ndarray:
-    """Drop of -2 log likelihood by every column (few + n_columns, n_outputs, n_samples) under noise with forces."""
-    out = np.zeros(len(whole) - few)
+def _forced(s: Responses, whole: np.ndarray, noise: Noise | None, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Drop of -2 log likelihood by every column under noise with forces; ``whole``: what is known, then the columns."""
     if noise is None:
-        return out
+        return np.zeros(len(low))
     D = s.problem.disturbance_along(s.base.model, s.base.fit.theta, s.smoothed.x, s.lin.A, s.problem.balances)
-    precision, pull, low, high = rest
     try:
-        found = D.gram_rows(whole, noise, few, s.problem.sd)
-        return scores(*eliminate_rows(*found, precision, pull), low, high)[0]
+        found = D.gram_rows(whole, noise, len(s.known), s.problem.sd)
+        return scores(*eliminate_rows(*found, *s.base.step_prior), low, high)[0]
     except np.linalg.LinAlgError:  # a trajectory that no noise can be followed along: white scores only
-        return out
+        return np.zeros(len(low))
 
 
 def _starts(
     columns: Sequence[Column],
     path: np.ndarray,
     among: Callable[[list[int]], np.ndarray],
+    low: np.ndarray,
     drop: np.ndarray,
     amplitude: np.ndarray,
     forced: np.ndarray,
 ) -> list[Start]:
     """Where the fits start: the amplitude of the column where the effect is linear, both quadratures of a sine."""
     pairs = _quadratures([c.effect for c in columns], [c.theta for c in columns], among)
-    small, total = _smallest(columns), float(among([])[0, 0])
-    out = []
+    out, total = [], float(among([])[0, 0])
     for k, c in enumerate(columns):
         theta, gained, pulled = c.theta.copy(), float(drop[k]), float(forced[k])
         if k in pairs:
             theta, gained = pairs[k]
             pulled = max(gained * float(forced[k] / max(drop[k], 1e-9)), 0.0)
-        elif (grows(c.effect) or small[k]) and len(theta) and not c.evident:
+        elif low[k] <= 0.0 and len(theta) and not c.evident:  # its column stands for it down to nothing
             theta = grown(c.effect, theta, amplitude[k])
         out.append(Start(c.effect, theta, gained, pulled, total - gained, path, c.evident, c.hidden, c.theta))
     return out

@@ -43,7 +43,7 @@ def slowed(
     starts: np.ndarray,
     x: np.ndarray,
     load: np.ndarray,
-    push: np.ndarray | None = None,
+    push: np.ndarray | None,
 ) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
     """What acts on deviations (n_states, n_starts, n_rows) from a path x (n_states, n_samples) at some rows.
 
@@ -52,10 +52,8 @@ def slowed(
     Over every sample friction slows its state down, and stops it where it would turn it round. At a port ``push``
     (n_states, n_samples) is what a unit force there changes in the next states: the others move with the one that stops.
     """
-    record, place = (
-        problem.record,
-        problem.plant.states.index(str(effect.variable if push is not None else effect.location)),
-    )
+    record = problem.record
+    place = problem.plant.states.index(str(effect.location if push is None else effect.variable))
     theta, begins = [row[:, None] for row in starts], np.zeros(record.n_samples, bool)
     begins[record.starts] = True
 

@@ -18,44 +18,35 @@ from sksurrogate.kernels.banded import solve_recursion
 START_SEEN = 0.01
 
 
-class Unseen:
-    """The initial states that a base does not show.
+def unseen_starts(s: Responses) -> np.ndarray:
+    """What becomes of each initial state that a base does not show, started one range of the state higher: (n_unseen, n_states, n_samples)."""
+    problem, x, n = s.problem, s.smoothed.x, len(s.problem.plant.states)
+    reach = np.ptp(x[:n], axis=1)
+    shown = s.lin.J_x[:, :n] * reach[:, None] / problem.sd[:, None, None]
+    places = np.flatnonzero(np.sqrt(np.mean(shown**2, axis=(0, 2))) < START_SEEN)
+    b = np.zeros((len(x), len(places), x.shape[1]))
+    for k, place in enumerate(places):
+        b[place, k, problem.record.starts] = reach[place]
+    return solve_recursion(s.lin.band, b).transpose(1, 0, 2) if len(places) else np.zeros((0, *x.shape))
 
-    ``reach`` (n_states,): range of the plant's states along the path.
-    ``free`` (n_unseen, n_states, n_samples): what becomes of each of them, started one range higher.
-    """
 
-    def __init__(self, responses: Responses):
-        self.responses = responses
-        problem, x, lin = responses.problem, responses.smoothed.x, responses.lin
-        plant = problem.plant
-        self.reach = np.ptp(x[: len(plant.states)], axis=1)
-        shown = lin.J_x[:, : len(plant.states)] * self.reach[:, None] / problem.sd[:, None, None]
-        places = np.flatnonzero(np.sqrt(np.mean(shown**2, axis=(0, 2))) < START_SEEN)
-        b = np.zeros((len(x), len(places), x.shape[1]))
-        for k, place in enumerate(places):
-            b[place, k, problem.record.starts] = self.reach[place]
-        self.free = solve_recursion(lin.band, b).transpose(1, 0, 2) if len(places) else np.zeros((0, *x.shape))
-
-    def through(self, effect: BaseEffect, start: np.ndarray) -> np.ndarray:
-        """What each does to the outputs through an effect, per its range: (n_unseen, n_outputs, n_samples)."""
-        s = self.responses
-        factors = effect.variable.split("*") if effect.variable else []
-        if not len(self.free) or not isinstance(effect, BalanceEffect) or isinstance(effect, HiddenEffect):
-            return np.zeros((0, *s.problem.record.y.shape))
-        states = s.problem.plant.states
-        places = [states.index(name) for name in factors if name in states]
-        model = s.problem.augmented((*s.base.effects, effect))
-        found = []
-        for free in self.free:
-            if not np.any(free[places]):
-                continue
-            ends = [
-                s.acted(s.pushed(model, start[:, None], (s.smoothed.x + offset)[:, None], offset))
-                for offset in (STEP_OF_SLOPES * free, -STEP_OF_SLOPES * free)
-            ]
-            found.append((ends[0] - ends[1])[:, 0] / (2.0 * STEP_OF_SLOPES))
-        return np.array(found).reshape(-1, *s.problem.record.y.shape)
+def moved_through(s: Responses, unseen: np.ndarray, effect: BaseEffect, start: np.ndarray) -> np.ndarray:
+    """What unseen initial states do to the outputs through an effect, per range: (n_unseen, n_outputs, n_samples)."""
+    if not len(unseen) or not isinstance(effect, BalanceEffect) or isinstance(effect, HiddenEffect):
+        return np.zeros((0, *s.problem.record.y.shape))
+    states, factors = s.problem.plant.states, effect.variable.split("*") if effect.variable else []
+    places = [states.index(name) for name in factors if name in states]
+    model = s.problem.augmented((*s.base.effects, effect))
+    found = []
+    for free in unseen:
+        if not np.any(free[places]):
+            continue
+        ends = [
+            s.acted(s.pushed(model, start[:, None], (s.smoothed.x + offset)[:, None], offset))
+            for offset in (STEP_OF_SLOPES * free, -STEP_OF_SLOPES * free)
+        ]
+        found.append((ends[0] - ends[1])[:, 0] / (2.0 * STEP_OF_SLOPES))
+    return np.array(found).reshape(-1, *s.problem.record.y.shape)
 
 
 def score_beside(s: Responses, column: np.ndarray, through: np.ndarray, low: float, high: float) -> tuple[float, float]:

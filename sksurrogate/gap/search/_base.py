@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import partial
 from typing import Any, Generic
 
@@ -53,30 +53,31 @@ class BaseSearch(ABC, Generic[C]):
 
     problem: Backend
     library: list[BaseEffect]
-    tolerance: float = field(default=0.1, kw_only=True)  #: Share of the gap (amplitude) that a model may leave
-    n_jobs: int | None = field(default=None, kw_only=True)
-    report: Callable[[str], None] = field(default=lambda message: None, kw_only=True)  #: Progress
+    _: KW_ONLY
+    tolerance: float = 0.1  #: Share of the gap (amplitude) that a model may leave
+    n_jobs: int | None = None
+    report: Callable[[str], None] = lambda message: None  #: Progress
     #: second, later: Processes for what is wanted at once, and for what is wanted later
-    second: WorkerProcess = field(default_factory=partial(WorkerProcess, apart=False), kw_only=True)
-    later: WorkerProcess = field(default_factory=partial(WorkerProcess, apart=False), kw_only=True)
+    second: WorkerProcess = field(default_factory=partial(WorkerProcess, apart=False))
+    later: WorkerProcess = field(default_factory=partial(WorkerProcess, apart=False))
     #: null, final: Filled as the search goes on, so that an interrupt leaves what is known
-    null: Evidence[C] | None = field(default=None, kw_only=True)
-    final: Evidence[C] | None = field(default=None, kw_only=True)
-    first_round: list[C] = field(default_factory=list, kw_only=True)  #: Single effects, best first
+    null: Evidence[C] | None = None
+    final: Evidence[C] | None = None
+    first_round: list[C] = field(default_factory=list)  #: Single effects, best first
     #: The best fit of every set of effects so far, by its keys
-    fitted: dict[frozenset, C] = field(default_factory=dict, kw_only=True)
+    fitted: dict[frozenset, C] = field(default_factory=dict)
     #: The last set of each number of effects that stood
-    stood: dict[int, C] = field(default_factory=dict, kw_only=True)
+    stood: dict[int, C] = field(default_factory=dict)
     #: Evidence of every candidate that was looked at, the latest
-    judged: dict[C, Evidence[C]] = field(default_factory=dict, kw_only=True)
+    judged: dict[C, Evidence[C]] = field(default_factory=dict)
     #: Costs of the simulator as it is given, by the null
-    nominal_costs: dict[C, float] = field(default_factory=dict, kw_only=True)
+    nominal_costs: dict[C, float] = field(default_factory=dict)
     #: What was computed of laws without a name beside sets of effects
-    laws: dict[Any, dict[Any, Any]] = field(default_factory=dict, kw_only=True)
+    laws: dict[Any, dict[Any, Any]] = field(default_factory=dict)
     #: Richer forms that fit no better, by the key of the simpler one
-    richer: dict[Any, list] = field(default_factory=dict, kw_only=True)
+    richer: dict[Any, list] = field(default_factory=dict)
     #: What a simulator raised, by its text: these candidates are lost
-    lost: dict[str, None] = field(default_factory=dict, kw_only=True)
+    lost: dict[str, None] = field(default_factory=dict)
 
     @abstractmethod
     def fit_null(self) -> Evidence[C]:
@@ -113,11 +114,11 @@ class BaseSearch(ABC, Generic[C]):
         for candidate in nearest:
             if candidate not in self.judged:
                 self.judge(judged_under(candidate, [self.standing.noise, null.noise]))
-        passing = [candidate for candidate in nearest if self.gain(candidate) > self.threshold(candidate.n_parameters)]
+        passing = [candidate for candidate in nearest if self.beats_null(candidate)]
         if passing:
-            best = max(passing, key=self.order(passing))
-            stands = self.standing.candidate
-            if best is not stands and self.order([best, stands])(best) > self.order([best, stands])(stands):
+            best, stands = max(passing, key=self.order(passing)), self.standing.candidate
+            worth = self.order([best, stands])
+            if best is not stands and worth(best) > worth(stands):
                 self.judge(estimate_noise(best, self.judged[best].noise, max_iterations=FEW_STEPS))
                 self.stand(best)
 
@@ -233,6 +234,10 @@ class BaseSearch(ABC, Generic[C]):
         """2 (L_candidate - L_null), as far as it counts where the noise level is estimated from the same values."""
         gain = self.evidence(candidate) - self.evidence(self.fitted_null.candidate)
         return 2.0 * gain_under_estimated_noise(gain, candidate.n_fitted, self.n_values)
+
+    def beats_null(self, candidate: C) -> bool:
+        """Whether a set passes by itself."""
+        return self.gain(candidate) > self.threshold(candidate.n_parameters)
 
     def score(self, candidate: C) -> float:
         """Evidence less ``k/2 ln N``: a form with more parameters must earn them."""

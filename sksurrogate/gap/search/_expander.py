@@ -129,9 +129,15 @@ class Expander(SetSearch[OdeCandidate]):
         """One effect more, fitted from a base as it is: no fit that began elsewhere counts for it."""
         library = [e for e in self.asked if e.key not in set(base.keys)]
         starts = screen(library, base, self.guess(base), noise, second=self.second).starts
-        candidates = self.fit_all(base, best_starts(starts, n_white, n_forced, self.n_values), best)
-        self.remember(candidates)
-        return candidates
+        return self.fit_best(base, starts, n_white, n_forced, best)
+
+    def fit_best(
+        self, base: OdeCandidate, starts: Sequence[Start], n_white: int, n_forced: int, best: float
+    ) -> list[OdeCandidate]:
+        """One effect more, fitted from the best starts by either score."""
+        found = self.fit_all(base, best_starts(starts, n_white, n_forced, self.n_values), best)
+        self.remember(found)
+        return found
 
     def guess(self, base: OdeCandidate) -> np.ndarray:
         """Trajectory to start the smoother from: measured where nothing was added, with the hidden states of the base."""
@@ -163,16 +169,13 @@ class Expander(SetSearch[OdeCandidate]):
         return super().formed(base, effects, shape, best) if shape is None else self.shaped(base, effects, shape, best)
 
     def shaped(
-        self, base: OdeCandidate, effects: Sequence[BaseEffect], shape: tuple[float, ...], best: float = np.inf
+        self, base: OdeCandidate, effects: Sequence[BaseEffect], shape: tuple[float, ...], best: float
     ) -> list[OdeCandidate]:
         """Effects of one shape (all parameters but the first), added to a base."""
         if not effects:
             return []
         guess, base = self.guess(base), self.as_searched(base)
-        starts = screen(effects, base, guess, None, shape).starts
-        found = self.fit_all(base, best_starts(starts, MOST_SIBLINGS, 0, self.n_values), best)
-        self.remember(found)
-        return found
+        return self.fit_best(base, screen(effects, base, guess, None, shape).starts, MOST_SIBLINGS, 0, best)
 
     def expected(self) -> dict[Any, float]:
         out: dict[Any, float] = {}
@@ -195,15 +198,13 @@ class Expander(SetSearch[OdeCandidate]):
         else:
             base, found = self.as_searched(base), best_pairs(self.first_screen, MOST_PAIRS)
         x, known = self.guess(base), frozenset(base.keys)
-        new = [
-            pair for pair in found if known.union((pair.first.effect.key, pair.second.effect.key)) not in self.fitted
-        ]
-        tries = side_by_side(
+        new = [pair for pair in found if known.union(one.key for one in pair.effects) not in self.fitted]
+        messages = side_by_side(
             lambda pair: to_message(base.problem, partial(fit_pair, base, pair, x, best)), new, self.second
         )
-        effects = [[pair.first.effect, pair.second.effect] for pair in new]
-        added_one = [self.from_message(base, added, message) for added, message in zip(effects, tries)]
-        self.remember(fits := [candidate for candidate in added_one if candidate is not None])
+        tries = [self.from_message(base, pair.effects, message) for pair, message in zip(new, messages)]
+        fits = [candidate for candidate in tries if candidate is not None]
+        self.remember(fits)
         return fits
 
     def left_beside(self, base: OdeCandidate, n: int) -> float:
@@ -232,9 +233,7 @@ class Expander(SetSearch[OdeCandidate]):
             best = min([best, *(candidate.fit.cost for candidate in new)])
         return found
 
-    def fit_together(
-        self, base: OdeCandidate, chosen: Sequence[list[Start]], best: float = np.inf
-    ) -> list[OdeCandidate]:
+    def fit_together(self, base: OdeCandidate, chosen: Sequence[list[Start]], best: float) -> list[OdeCandidate]:
         """Fit candidates, the best first: its cost is what the others must come near to.
 
         Where that is the noise, only those are fitted that may come near: as much as the screen expected the first to leave, it may

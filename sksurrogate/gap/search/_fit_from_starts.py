@@ -55,8 +55,7 @@ def fit_added(base: OdeCandidate, starts: Sequence[Start], best: float) -> OdeCa
                 candidate = None
             if candidate is not None:
                 break
-        if candidate is not None and (found is None or candidate.fit.cost < found.fit.cost):
-            found = candidate
+        found = cheapest([found, candidate])
     if found is not None and (found.fit.cost < 3.0 * best or isinstance(found.effects[-1], Starting)):
         for i in reversed(range(len(found.effects))):  # a step of the base may have made up for what is new
             found = line_searched(found, i)
@@ -69,7 +68,7 @@ def fit_pair(base: OdeCandidate, pair: Pair, x: np.ndarray, best: float) -> OdeC
     n, theta = len(problem.plant.states), base.theta_with(np.concatenate([first.theta, second.theta]))
     whole = np.concatenate([x, first.x[n:], second.x[n:]])
     try:
-        candidate = problem.fit((*base.effects, first.effect, second.effect), theta, whole, best=best)
+        candidate = problem.fit((*base.effects, *pair.effects), theta, whole, best=best)
     except (np.linalg.LinAlgError, FloatingPointError):  # a candidate that breaks the arithmetic is out
         return None
     return candidate and line_searched(candidate)
@@ -94,22 +93,20 @@ def fit_last(
     if isinstance(last, LimitEffect):
         return fit_limit(problem, effects, theta, x, base, best)
     steps = bool(last.scan(list(theta[place])))
-    if not steps and not any(parameter.jumps for parameter in last.parameters):
-        return problem.fit(effects, theta, x, best=best, fallback=run)
-    if not steps or last.kind != "output":
-        tries = [problem.fit(effects, theta, x, best=best, fallback=run)]
-        tries.append(problem.fit(effects, theta, run, open_steps=0))
-        return cheapest(tries)
-    soft = problem.at(replace(problem.numerics, sharpness=SOFT)).fit(effects, theta, run, open_steps=0, max_steps=8)
-    return soft and soft.resumed(problem, max_steps=12)
+    if steps and last.kind == "output":
+        soft = problem.at(replace(problem.numerics, sharpness=SOFT)).fit(effects, theta, run, open_steps=0, max_steps=8)
+        return soft and soft.resumed(problem, max_steps=12)
+    found = problem.fit(effects, theta, x, best=best, fallback=run)
+    jumps = steps or any(parameter.jumps for parameter in last.parameters)
+    return cheapest([found, problem.fit(effects, theta, run, open_steps=0)]) if jumps else found
 
 
 def fit_given(
     base: OdeCandidate, given: Sequence[tuple[BaseEffect, np.ndarray]], named: OdeCandidate
 ) -> list[OdeCandidate]:
     """A base with each of some effects, fitted from given values along the free run of a ``named`` set; without those that run away."""
-    x = named.fit.x[: base.model.n_nominal]
-    tries = [named.problem.fit((*base.effects, one), base.theta_with(theta), x, open_steps=0) for one, theta in given]
+    fit, x = named.problem.fit, named.states
+    tries = [fit((*base.effects, one), base.theta_with(theta), x, open_steps=0) for one, theta in given]
     return [candidate for candidate in tries if candidate is not None]
 
 
@@ -117,10 +114,10 @@ def fit_part(
     problem: OdeBackend, base: OdeCandidate, law: AnyLaw, values: np.ndarray, shares: Sequence[float] = NEARER
 ) -> OdeCandidate | None:
     """Fit a law on top of a base from a part of its coefficients, along the run of the base: from so small a part that it starts no worse."""
-    own, n = base.fit.x[: base.model.n_nominal], len(law.terms)
+    n = len(law.terms)
     for share in shares:
         theta = base.theta_with(np.r_[share * values[:n], values[n:]])
-        found = problem.fit((*base.effects, law), theta, own, open_steps=0)
+        found = problem.fit((*base.effects, law), theta, base.states, open_steps=0)
         if found is not None and found.fit.cost < base.fit.cost:
             return found
     return None

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from sksurrogate.effects._effect import BalanceEffect, BaseEffect, HiddenEffect, LimitEffect, SensorEffect
 from sksurrogate.effects._input import InputQuantization, RememberingActuator
 from sksurrogate.effects._sensor import SensorQuantization
@@ -17,23 +15,14 @@ NO_CURVES = HiddenEffect, LimitEffect, RememberingActuator, *QUANTIZERS
 CLOCKS = "rate", "time", "phase"
 
 
-def simpler(effect: BaseEffect, name: str, library: Sequence[BaseEffect]) -> list[BaseEffect]:
-    """The candidates of a simpler form's name that an effect may come down to."""
-    same = [e for e in library if e.name == name and e.location == effect.location]
-    return [e for e in same if e.variable in (effect.variable, None)]
-
-
-def from_the_first_value(effect: BaseEffect, library: Sequence[BaseEffect]) -> list[BaseEffect]:
-    """The same actuator, of an input that was at its first value before a run; none where this is the one."""
-    if getattr(effect, "before", None) is None:
-        return []
-    return [e for e in library if e.key == effect.key and getattr(e, "before", None) is None]
-
-
 def richer(effect: BaseEffect, simple: BaseEffect) -> bool:
     """Whether an effect is a richer form of a simple one: at its place, in its variable."""
-    same = effect.location == simple.location and simple.variable in (effect.variable, None)
-    return same and simple.name in effect.nests
+    return contains(effect, simple) and simple.name in effect.nests
+
+
+def contains(effect: BaseEffect, simple: BaseEffect) -> bool:
+    """Whether an effect may come down to a simpler one by place and variable."""
+    return effect.location == simple.location and simple.variable in (effect.variable, None)
 
 
 def of_one_law(one: BaseEffect, other: BaseEffect) -> bool:

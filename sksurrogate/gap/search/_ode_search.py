@@ -69,7 +69,7 @@ class OdeSearch(Expander):
 
     def plausible(self, candidate: OdeCandidate) -> bool:
         """Whether its path shows what makes each of its effects what it is; a path that breaks shows nothing else."""
-        problem, x = candidate.problem, candidate.fit.x[: candidate.model.n_nominal]
+        problem, x = candidate.problem, candidate.states
         if not np.isfinite(x).all():
             return True
         pairs = ((effect, candidate.theta_of(i)) for i, effect in enumerate(candidate.effects))
@@ -77,15 +77,10 @@ class OdeSearch(Expander):
 
     def fit_null(self) -> Evidence:
         problem, theta = self.problem, np.zeros(len(self.problem.free))
-        tries = [problem.fit((), theta, self.x)]
-        if tries[0] is None:
-            # Strong noise in the first sample alone can send a plant into divergence.
-            for n_mean in (4, 9):
-                tries.append(problem.fit((), theta, mean_start(self.x, problem.record.starts, n_mean)))
-        found = [candidate for candidate in tries if candidate is not None]
-        if not found:
-            found = [open_null(problem, theta, self.x)]
-        nearest = min(found, key=lambda candidate: candidate.fit.cost)
+        nearest = problem.fit((), theta, self.x)
+        if nearest is None:  # strong noise in the first sample alone can send a plant into divergence
+            starts = (mean_start(self.x, problem.record.starts, n_mean) for n_mean in (4, 9))
+            nearest = cheapest([problem.fit((), theta, x) for x in starts]) or open_null(problem, theta, self.x)
         self.null = self.final = self.judge(follow_null(nearest, problem.first_noise(), second=self.second))
         return self.null
 
@@ -124,7 +119,7 @@ class OdeSearch(Expander):
             rest, values = named.without_effect(*places)
             n = len(values) - len(self.problem.free)
             start = np.concatenate([values[:n], theta, values[n:]])
-            one = named.problem.fit((*rest, effect), start, named.fit.x[: named.model.n_nominal], open_steps=0)
+            one = named.problem.fit((*rest, effect), start, named.states, open_steps=0)
             if one is None or not self.plausible(one):
                 continue
             self.remember([one])
@@ -204,7 +199,7 @@ class OdeSearch(Expander):
         asked = candidate, i, known
         if asked in self.smaller:
             return self.smaller[asked]
-        base = candidate.problem.fit(effects, theta, candidate.fit.x[: candidate.model.n_nominal])
+        base = candidate.problem.fit(effects, theta, candidate.states)
         for j in range(len(effects)):
             base = base and line_searched(base, j)
         if known is not None and (base is None or known.fit.cost <= COMES_BACK * base.fit.cost):
@@ -251,10 +246,8 @@ class OdeSearch(Expander):
         if base is None:
             return []
         few = self.is_far(named) or is_stack(final)
-        if few:
-            candidates = self.expand(base, Wanted(8, 2))
-        else:
-            candidates = self.expand(base, Wanted(24, 10, siblings=True, best=final.fit.cost))
+        wanted = Wanted(8, 2) if few else Wanted(24, 10, siblings=True, best=final.fit.cost)
+        candidates = self.expand(base, wanted)
         # those of the search may have started at other re-tuned parameters
         known = [one for one in self.fitted.values() if one.keys[:-1] == base.keys]
         candidates.extend(one for one in known if self.plausible(one))
@@ -264,12 +257,9 @@ class OdeSearch(Expander):
         if not few and (not single or self.problem.free):
             rest = named.taken_out(i)  # the others and the free parameters, fitted again alone, may have run away
             candidates.extend([] if rest is None else self.anew(rest, final.noise, MOST_ANEW, 0, final.fit.cost))
-        candidates = list(
-            {candidate.keys: candidate for candidate in sorted(candidates, key=lambda r: -r.fit.cost)}.values()
-        )
-        mine = [r.fit.cost for r in candidates if r.effects[-1].key == final.effects[i].key]
-        fine = named.problem
-        same_numerics = self.searching(base).numerics == fine.numerics
-        reach = min([final.fit.cost, *mine]) if same_numerics else max([final.fit.cost, *mine])
-        near = [candidate for candidate in candidates if candidate.fit.cost <= 1.5 * reach + 50.0 * EQUAL]
-        return near if same_numerics else [candidate.resumed(fine) or candidate for candidate in near]
+        nearest = {one.keys: one for one in sorted(candidates, key=lambda one: -one.fit.cost)}.values()
+        mine = [one.fit.cost for one in nearest if one.effects[-1].key == final.effects[i].key]
+        same_numerics = self.searching(base).numerics == named.problem.numerics
+        reach = (min if same_numerics else max)([final.fit.cost, *mine])
+        near = [one for one in nearest if one.fit.cost <= 1.5 * reach + 50.0 * EQUAL]
+        return near if same_numerics else [one.resumed(named.problem) or one for one in near]

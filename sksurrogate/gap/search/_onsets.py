@@ -36,7 +36,6 @@ class Confined(NamedTuple):
     effect: BaseEffect
     span: tuple[str, ...]  #: One of :data:`SPANS`
     drop: float  #: Drop of the squared residual over the noise, initial states free on both sides of the edge
-    always: float  #: That of the same effect always
 
 
 def confined(screen: Screen, lengths: np.ndarray, least: float) -> list[Confined]:
@@ -80,7 +79,7 @@ def confined(screen: Screen, lengths: np.ndarray, least: float) -> list[Confined
     for k in np.argsort(-best):
         effect = screen.starts[order[k]].effect
         if worth[k] and effect.key not in found:
-            found[effect.key] = Confined(effect, SPANS[kind[k]], float(best[k]), float(always[k]))
+            found[effect.key] = Confined(effect, SPANS[kind[k]], float(best[k]))
     return list(found.values())
 
 

@@ -7,7 +7,7 @@ from typing import Any
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.gap.fit._evidence import C, arrived
 from sksurrogate.gap.search._base import EQUAL, BaseSearch, Wanted
-from sksurrogate.gap.search._nested import from_the_first_value, richer, simpler
+from sksurrogate.gap.search._nested import contains, richer
 from sksurrogate.gap.search._set_moves import SetMoves
 
 #: A simpler form is named where the richer one removes hardly more than this share of the gap's power.
@@ -44,7 +44,7 @@ def simplify(search: SetMoves[C], candidate: C, far: bool = False) -> C:
 def from_first_values(search: SetMoves[C], candidate: C) -> C:
     """A set whose actuators begin at the first value of their input, where the data do not tell that they were elsewhere before a run."""
     for i, effect in enumerate(candidate.effects):
-        plain = from_the_first_value(effect, search.library)
+        plain = [e for e in search.library if e.key == effect.key and has_before(effect) and not has_before(e)]
         base = search.without(candidate, i) if plain else None
         if base is None:
             continue
@@ -54,6 +54,11 @@ def from_first_values(search: SetMoves[C], candidate: C) -> C:
             if search.score(fitted) > search.score(candidate):
                 return from_first_values(search, fitted)
     return candidate
+
+
+def has_before(effect: BaseEffect) -> bool:
+    """Whether an actuator's input was elsewhere before a run than at its first value."""
+    return getattr(effect, "before", None) is not None
 
 
 def with_fewer_parameters(search: SetMoves[C], best: C, most: float) -> list[C]:
@@ -86,7 +91,8 @@ def enriched(search: SetMoves[C], candidate: C) -> list[C]:
 
 def simpler_forms(search: BaseSearch[C], candidate: C, i: int, name: str) -> list[BaseEffect]:
     """Effects of a name that effect i of a set contains, but those that the set has already."""
-    return [form for form in simpler(candidate.effects[i], name, search.library) if form.key not in candidate.keys]
+    effect, named = candidate.effects[i], [form for form in search.library if form.name == name]
+    return [form for form in named if contains(effect, form) and form.key not in candidate.keys]
 
 
 def special_cases(search: BaseSearch[C], named: C, i: int) -> list[BaseEffect]:

@@ -16,6 +16,7 @@ from sksurrogate.gap.fit._closeness import AT_THE_NOISE
 from sksurrogate.gap.fit._evidence import FEW_STEPS, C, Evidence, estimate_noise, judged_under
 from sksurrogate.gap.fit._rounding import names_steps
 from sksurrogate.gap.search._base import BaseSearch, Wanted
+from sksurrogate.kernels.disturbance import Noise
 
 #: A fit with so many times the cost of the null has diverged.
 DIVERGED_COST = 100.0
@@ -76,7 +77,7 @@ class SetMoves(BaseSearch[C]):
         candidates = [one for one in candidates if not self.diverged(one) and self.plausible(one) and acts(one)]
         if not candidates:
             return []
-        noise, _, curvature = (self.own(base) or replace(self.fitted_null, curvature=None)).judgement
+        noise, curvature = self.start_of_noise(base)
         nearest = min(candidates, key=lambda candidate: candidate.fit.cost)
         start, _, shape = self.judge(estimate_noise(nearest, noise, curvature)).judgement
         for candidate in candidates:
@@ -107,13 +108,9 @@ class SetMoves(BaseSearch[C]):
 
         What a fit with finer steps has made implausible does not stand, where another is plausible.
         """
-        least = min(candidate.fit.cost for candidate in candidates[:MOST_POLISHED])
-        near = [
-            candidate
-            for candidate in candidates[:MOST_POLISHED]
-            if candidate is candidates[0] or candidate.fit.cost < 3.0 * least + 50.0
-        ]
-        polished = [self.polish(candidate) for candidate in near]
+        first = candidates[:MOST_POLISHED]
+        most = 3.0 * min(one.fit.cost for one in first) + 50.0
+        polished = [self.polish(one) for one in first if one is first[0] or one.fit.cost < most]
         polished = [one for one in polished if self.plausible(one)] or polished
         return max(polished, key=self.order(polished))
 
@@ -121,9 +118,13 @@ class SetMoves(BaseSearch[C]):
         """A candidate as exactly as it can be simulated, under its own noise."""
         best = self.refined(candidate)
         if self.own(best) is None:
-            noise, _, curvature = (self.own(candidate) or replace(self.fitted_null, curvature=None)).judgement
-            self.judge(estimate_noise(best, noise, curvature))
+            self.judge(estimate_noise(best, *self.start_of_noise(candidate)))
         return best
+
+    def start_of_noise(self, near: C) -> tuple[Noise, np.ndarray | None]:
+        """Noise and curvature that a noise fit begins at: those of a candidate nearby where they are known, else the noise of the null."""
+        known = self.own(near)
+        return (self.fitted_null.noise, None) if known is None else (known.noise, known.curvature)
 
     def without(self, candidate: C, i: int) -> C | None:
         """The candidate refitted without effect i; None where the others run away."""

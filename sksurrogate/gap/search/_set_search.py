@@ -66,13 +66,13 @@ class SetSearch(SetMoves[C]):
 
     def first_name(self, null: C) -> tuple[C, bool]:
         """The best single effect, and whether it passes; it stands where it does."""
-        if self.gain(self.first_round[0]) > self.threshold(self.first_round[0].n_parameters):
+        if self.beats_null(self.first_round[0]):
             self.stand(self.first_round[0])
         best = simplify(self, self.first_choice(self.first_round))
         if self.gain(best) < 20.0 * self.threshold(best.n_parameters):
             # A weak gain must not be what the null's noise fit left on the table.
             self.null = self.judge(follow_null(null, self.judged[best].noise, self.null, self.second))
-        passed = self.gain(best) > self.threshold(best.n_parameters)
+        passed = self.beats_null(best)
         self.stand(best if passed else null)
         return best, passed
 
@@ -197,9 +197,7 @@ class SetSearch(SetMoves[C]):
                 continue
             own = self.judged[candidate]
             self.judge(estimate_noise(smaller, own.noise, own.curvature))
-            better = self.score(smaller) > self.score(best) + 1.0 and self.gain(smaller) > self.threshold(
-                smaller.n_parameters
-            )
+            better = self.score(smaller) > self.score(best) + 1.0 and self.beats_null(smaller)
             if better and not self.passes(candidate, smaller, True):
                 return self.needed(smaller, best)
         return candidate

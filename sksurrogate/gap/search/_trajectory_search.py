@@ -46,7 +46,7 @@ class TrajectorySearch(SetSearch[TrajectoryCandidate]):
         return self.screened_gains
 
     def fit_null(self) -> Evidence[TrajectoryCandidate]:
-        for _ in range(2 if self.problem.x0 is not None else 0):
+        for _ in range(2):
             self.problem = self.problem.with_starts_fitted()
         theta = np.zeros(len(self.problem.free))
         null = self.problem.fit((), theta)
@@ -113,10 +113,7 @@ class TrajectorySearch(SetSearch[TrajectoryCandidate]):
     def with_effect(
         self, base: TrajectoryCandidate, law: BaseEffect, values: np.ndarray, path: np.ndarray | None
     ) -> TrajectoryCandidate | None:
-        n, known = base.n_parameters, base.fit.J.transpose(1, 0, 2)
-        own = np.full((len(values), *base.fit.y.shape), np.nan)  # slopes that are not known yet
-        J = np.concatenate([known[:n], own, known[n:]])
-        return self.problem.fit((*base.effects, law), base.theta_with(values), J)
+        return self.problem.fit_added(base, law, values)
 
     def carries(self, law: BaseEffect) -> bool:
         """At an input a law of inputs, at a sensor one of readings."""
@@ -150,18 +147,13 @@ class TrajectorySearch(SetSearch[TrajectoryCandidate]):
     ) -> list[tuple[BaseEffect, np.ndarray, np.ndarray]]:
         """Effect, start and expected change of the outputs, of those that a linear look puts first."""
         taken = set(base.keys)
-        looked = [
-            (effect, start, change)
-            for effect in library
-            if effect.key not in taken
-            for start in (
-                np.asarray(given, dtype=float)
-                for given in effect.starts(probe_of(self.problem, effect, NO_STATES, NO_STATES))
-            )
-            if (change := self.change(base, effect, start)) is not None
-            and np.all(np.isfinite(change))
-            and np.any(change)
-        ]
+        looked = []
+        for effect in (one for one in library if one.key not in taken):
+            for given in effect.starts(probe_of(self.problem, effect, NO_STATES, NO_STATES)):
+                start = np.asarray(given, dtype=float)
+                change = self.change(base, effect, start)
+                if change is not None and np.all(np.isfinite(change)) and np.any(change):
+                    looked.append((effect, start, change))
         if not looked:
             return []
         effects, values, changes = zip(*looked)
@@ -229,12 +221,10 @@ def _fit(
     problem: TrajectoryBackend, base: TrajectoryCandidate, effect: BaseEffect, start: np.ndarray, change: np.ndarray
 ) -> TrajectoryCandidate | None:
     """The base with one effect more, fitted."""
-    n, theta = base.n_parameters, base.theta_with(start)
-    known, own = base.fit.J.transpose(1, 0, 2), np.full((len(start), *base.fit.y.shape), np.nan)
-    if effect.linear and len(start) == 1 and effect.kind != "input" and start[0] != effect.parameters[0].null:
-        own[0] = change / (start[0] - effect.parameters[0].null)
+    proportional = effect.linear and len(start) == 1 and effect.kind != "input"
+    moved = start[0] - effect.parameters[0].null if proportional else 0.0
     try:
         with silent_in_worker():
-            return problem.fit((*base.effects, effect), theta, np.concatenate([known[:n], own, known[n:]]))
+            return problem.fit_added(base, effect, start, change[None] / moved if moved else None)
     except np.linalg.LinAlgError:  # slopes beyond the arithmetic: this candidate is lost
         return None
