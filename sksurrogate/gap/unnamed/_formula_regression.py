@@ -123,17 +123,13 @@ class Regression:
                 break
             _, theta, _ = self.solved(np.concatenate([J, slopes], axis=1))
             step = np.clip(theta[len(theta) - len(constants) :], -REACH * unit, REACH * unit)
-            better = None
-            for halving in range(HALVINGS):
-                trial = np.clip(constants + step / 4.0**halving, low, high)
-                other = self.judged(replace(draft, terms=_at(draft.terms, trial)))
-                if other.nats > draft.nats:
-                    better = other, trial
-                    break
-            if better is None:
+            trials = [np.clip(constants + step / 4.0**halving, low, high) for halving in range(HALVINGS)]
+            judged = ((self.judged(replace(draft, terms=_at(draft.terms, trial))), trial) for trial in trials)
+            better, there = next((one for one in judged if one[0].nats > draft.nats), (draft, constants))
+            if better is draft:
                 break
-            gained = better[0].nats - draft.nats
-            draft, constants = better
+            gained = better.nats - draft.nats
+            draft, constants = better, there
             unit = np.maximum(np.abs(constants), 0.1 * unit)
             if gained < 0.05:
                 break
@@ -153,9 +149,5 @@ class Regression:
 
 def _at(terms: Sequence[Term], constants: np.ndarray) -> tuple[Term, ...]:
     """The same terms with other constants."""
-    out, left = [], list(map(float, constants))
-    for term in terms:
-        n = len(term.constants)
-        out.append(term.at(left[:n]))
-        left = left[n:]
-    return tuple(out)
+    left = iter(constants.tolist())
+    return tuple(term.at([next(left) for _ in term.constants]) for term in terms)

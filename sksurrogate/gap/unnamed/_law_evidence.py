@@ -16,6 +16,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from operator import attrgetter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -128,6 +129,11 @@ class _Found(NamedTuple):
     k: int
     f: int
 
+    @property
+    def total(self) -> float:
+        """Log evidence with a law of any size."""
+        return float(np.logaddexp(self.small, self.large))
+
 
 @dataclass(frozen=True, eq=False)
 class _Fit:
@@ -172,20 +178,25 @@ class _Fit:
         another leads.
         """
         picks = self.likeliest(noises)
-        best = max((self.refined(k, f, noise) for (k, f), noise in zip(picks, noises)), key=_of_any_size)
+        best = max((self.refined(k, f, noise) for (k, f), noise in zip(picks, noises)), key=attrgetter("total"))
         others = {*picks, *((k, form) for k, f in seeds for form in self.relatives(k, f))} - {(best.k, best.f)}
         while others:
-            first = max((self.under(k, f, best.noise) for k, f in sorted(others)), key=_of_any_size)
+            first = max((self.under(k, f, best.noise) for k, f in sorted(others)), key=attrgetter("total"))
             others.remove((first.k, first.f))
             first = self.refined(first.k, first.f, best.noise)
-            if _of_any_size(first) <= _of_any_size(best):
+            if first.total <= best.total:
                 break
             best = first
         return best
 
     def under(self, k: int, f: int, noise: Noise) -> _Found:
         """Form f of law k under a noise."""
-        return self.found(k, f, self.candidates[k].moved()[:, self.candidates[k].signal.forms[f].functions], noise)
+        return self.found(k, f, self.columns(k, f), noise)
+
+    def columns(self, k: int, f: int) -> np.ndarray:
+        """What the functions of form f of law k move the outputs by."""
+        law = self.candidates[k]
+        return law.moved()[:, law.signal.forms[f].functions]
 
     def is_the_effect_again(self, one: _Found, whole: Sequence[BaseEffect]) -> bool:
         """Whether a law larger than the tolerance moves the outputs as the effect of this place and signal does in whose place it stands.
@@ -204,9 +215,7 @@ class _Fit:
 
     def moved(self, one: _Found) -> np.ndarray:
         """What a law with its weights moves the outputs by, (n_outputs, n_samples)."""
-        law = self.candidates[one.k]
-        weights = one.theta[self.linear.J.shape[1] :]
-        return np.einsum("okt,k->ot", law.moved()[:, law.signal.forms[one.f].functions], weights)
+        return np.einsum("okt,k->ot", self.columns(one.k, one.f), one.theta[self.linear.J.shape[1] :])
 
     def likeliest(self, noises: Sequence[Noise]) -> list[tuple[int, int]]:
         """Law and form of most evidence under each noise."""
@@ -332,19 +341,14 @@ class _Fit:
         """One form with the noise fitted beside it: in turn the noise beside the law's one sum, and the law under the noise."""
         key = "refined", k, f, start.pack().tobytes()
         if key not in self.known:
-            self.known[key] = self._refined(k, f, start)
+            F, n = self.columns(k, f), self.linear.J.shape[1]
+            now = self.found(k, f, F, start)
+            for _ in range(TURNS):
+                moved = np.einsum("okt,k->ot", F, now.theta[n:])[:, None]
+                noise, _, _ = self.linear.beside(moved).noise_from(now.noise, sigma_unit=self.linear.problem.sd)
+                now = self.found(k, f, F, noise)
+            self.known[key] = now
         return self.known[key]
-
-    def _refined(self, k: int, f: int, start: Noise) -> _Found:
-        """The same, computed."""
-        law = self.candidates[k]
-        F, n = law.moved()[:, law.signal.forms[f].functions], self.linear.J.shape[1]
-        now = self.found(k, f, F, start)
-        for _ in range(TURNS):
-            moved = np.einsum("okt,k->ot", F, now.theta[n:])[:, None]
-            noise, _, _ = self.linear.beside(moved).noise_from(now.noise, sigma_unit=self.linear.problem.sd)
-            now = self.found(k, f, F, noise)
-        return now
 
     def result(self, one: _Found, alone: float) -> LawBeside:
         """With its place; a set with next to no law is not less likely than the set alone."""
@@ -354,7 +358,7 @@ class _Fit:
         weight = np.exp(one.large - np.logaddexp(small, one.large)) if one.small < alone else 1.0
         size = float(one.size * weight)
         spread = float(np.sqrt(weight * (one.spread**2 + one.size**2) - size**2))  # of the law's size or of none at all
-        gain = 2.0 * (_of_any_size(one) - alone)
+        gain = 2.0 * (one.total - alone)
         F = self.moved(one)
         moved = record.rms(self.linear.projected(F[:, None]).reshape(F.shape)) * sd
         deviation = float(np.max(moved / record.spread))
@@ -365,11 +369,6 @@ class _Fit:
         probability = float(np.exp(large - np.logaddexp(small, large)))
         left = LawLeft(law.location, law.kind, law.signal.variable, size, spread, gain, deviation, probability, rms)
         return LawBeside(small, large, (one.k, one.f), left)
-
-
-def _of_any_size(one: _Found) -> float:
-    """Log evidence with a law of any size."""
-    return float(np.logaddexp(one.small, one.large))
 
 
 def _log(value: float) -> float:

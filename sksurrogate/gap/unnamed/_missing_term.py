@@ -53,9 +53,8 @@ def shape_of(channel: Channel, drivers: Drivers, drafts: Sequence[Draft]) -> Mis
             listed.append((share, draft))
     # A parameter more must be worth it on runs left out.
     listed.sort(key=lambda item: -(item[0] - WORTH_OF_PARAMETER * len(item[1].values)))
-    shares = [share for share, _ in listed[:MOST_LAWS]]
     laws = [drivers.effect(draft.terms, draft.coefficients_alone, False) for _, draft in listed[:MOST_LAWS]]
-    texts = tuple(f"{law.text()}  (explains {100 * share:.0f} %)" for share, law in zip(shares, laws))
+    texts = tuple(f"{law.text()}  (explains {100 * share:.0f} %)" for (share, _), law in zip(listed, laws))
     effects = () if drivers.kind == "output" else tuple(laws)
     return MissingTerm(drivers.location, drivers.kind, tuple(curves), texts, effects)
 
