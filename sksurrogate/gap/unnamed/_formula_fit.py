@@ -39,12 +39,12 @@ class FittedLaw:
     @property
     def location(self) -> str:
         """Where it stands."""
-        return self.drivers.location
+        return self.drivers.channel.location
 
     @property
     def kind(self) -> str:
         """Kind of that place."""
-        return self.drivers.kind
+        return self.drivers.channel.kind
 
     @property
     def effect(self) -> AnyLaw:
@@ -81,7 +81,7 @@ def fitted_laws(
         best = max([best, *(draft.level for draft in drafts)])
         near = [draft for draft in drafts if draft.level > best - OUT_OF_REACH]
         chosen = near[:FITTED_ELSEWHERE] if rank else [*near[:FITTED_HERE], *simplest(drafts)[:FITTED_HERE]]
-        curve = None if rank else curve_at(channel, drivers, drafts)
+        curve = None if rank else curve_at(drivers, drafts)
         for draft in dict.fromkeys([*chosen, *([] if curve is None else [curve])]):
             fitted = fitted_draft(search, base, channel.x, draft, drivers)
             if fitted is not None:
