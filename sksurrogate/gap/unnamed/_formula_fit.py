@@ -71,11 +71,8 @@ def fitted_laws(
         if channel is None:
             continue
         drivers = channels.drivers(channel)
-        drafts = [
-            one
-            for one in channels.drafts(location, kind)
-            if search.carries(drivers.effect(one.terms, one.values, True))
-        ]
+        found = channels.drafts(location, kind)
+        drafts = [one for one in found if search.carries(drivers.effect(one.terms, one.values, True))]
         if not drafts:
             continue
         best = max([best, *(draft.level for draft in drafts)])
@@ -85,8 +82,8 @@ def fitted_laws(
         for draft in dict.fromkeys([*chosen, *([] if curve is None else [curve])]):
             fitted = fitted_draft(search, base, channel.x, draft, drivers)
             if fitted is not None:
-                found = Evidence(fitted, base.noise, -np.inf)
-                fits.append(FittedLaw(found, drivers, draft.price, draft is curve))
+                unjudged = Evidence(fitted, base.noise, -np.inf)
+                fits.append(FittedLaw(unjudged, drivers, draft.price, draft is curve))
     laws = ranked_laws(search, base, fits)
     if not laws:
         return []

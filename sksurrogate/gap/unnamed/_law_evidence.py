@@ -195,11 +195,8 @@ class _Fit:
 
         Up to the tolerance. ``whole``: the set with this effect.
         """
-        if (
-            self.instead is None
-            or one.size < self.tolerance
-            or self.candidates[one.k].place not in map(place_and_signal, whole)
-        ):
+        its_own = self.candidates[one.k].place in map(place_and_signal, whole)
+        if self.instead is None or one.size < self.tolerance or not its_own:
             return False
         own, law = self.linear.projected(np.stack([self.instead, self.moved(one)], axis=1))
         cosine = abs(float(own @ law)) / max(float(np.linalg.norm(own) * np.linalg.norm(law)), 1e-300)
