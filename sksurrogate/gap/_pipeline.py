@@ -31,7 +31,7 @@ from sksurrogate.gap.decide._held_out import (
     traces,
     without_names,
 )
-from sksurrogate.gap.decide._nearest_name import nearest_name
+from sksurrogate.gap.decide._one_curve import nearest_name
 from sksurrogate.gap.decide._retuning import parameter_errors
 from sksurrogate.gap.decide._rules import certified, share_left
 from sksurrogate.gap.decide._run_to_run import differs, run_to_run

@@ -32,6 +32,16 @@ class RunColumns:
         return np.einsum("okt,tk->ot", self.columns, weights[self.of])
 
 
+def grams_of_pieces(columns: np.ndarray, starts: np.ndarray) -> np.ndarray:
+    """Grams (n_pieces, n, n) of columns (n, n_outputs, n_samples) in the pieces of a record that begin at ``starts``.
+
+    >>> grams_of_pieces(np.array([[[1.0, 2.0, 4.0]]]), np.array([0, 2])).ravel().tolist()
+    [5.0, 16.0]
+    """
+    parts = (part.reshape(len(columns), -1) for part in np.split(columns, starts[1:], axis=-1))
+    return np.stack([part @ part.T for part in parts])
+
+
 def take_out(grams: np.ndarray, k: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Take the last k columns, with weights of their own in every run, out of Grams (n_runs, n, n).
 

@@ -8,7 +8,7 @@ import pytest
 from sksurrogate.effects import CATALOGUE
 from sksurrogate.gap.fit._build import build_problem
 from sksurrogate.gap.fit._evidence import estimate_noise
-from sksurrogate.gap.fit._linear_set import LinearSet, linear_set
+from sksurrogate.gap.fit._linear_set import linear_set
 from sksurrogate.gap.unnamed import _law_evidence
 from sksurrogate.gap.unnamed._along_a_path import as_regressors
 from sksurrogate.gap.unnamed._law_evidence import LawQuestion, law_beside
@@ -194,19 +194,6 @@ def played(u, width):
     return out
 
 
-def test_what_was_computed_of_a_set_answers_again(monkeypatch):
-    problem, smoothed = problem_of(quintic, ("k",))
-    found = fitted(problem, smoothed.x)
-    known, noises = {}, (found.noise, problem.quiet(found.noise))
-    asked = LawQuestion(found.candidate, noises, smoothed.x[:2]), 30.0, 0.1
-    first = law_beside(*asked, known=known)
-    other = law_beside(*asked)
-    assert (other.small, other.large, other.seed) == (first.small, first.large, first.seed)
-    monkeypatch.setattr(_law_evidence._Fit, "compared", lambda *given: pytest.fail("compared again"))
-    monkeypatch.setattr(LinearSet, "noise_from", lambda *given: pytest.fail("fitted again"))
-    assert law_beside(*asked, known=known) == first
-
-
 def test_an_effect_without_parameters_acts_in_the_simulator_without_effects_too():
     problem, smoothed = problem_of(nothing, read=np.abs)
     found = fitted(problem, smoothed.x, (CATALOGUE["sensor_rectification"]("q"), np.zeros(0))).candidate
@@ -216,7 +203,7 @@ def test_an_effect_without_parameters_acts_in_the_simulator_without_effects_too(
 def test_forms_of_a_law_are_compared_as_one_at_a_time():
     problem, smoothed = problem_of(quintic, ("k",))
     found = fitted(problem, smoothed.x)
-    fit = _law_evidence._Fit(linear_set(found.candidate), 30.0, 0.1, frozenset(), {})
+    fit = _law_evidence._Fit(linear_set(found.candidate), (found.noise,), 30.0, 0.1, frozenset())
     k = next(k for k, law in enumerate(fit.candidates) if law.place == ("v", "q"))
     moved = fit.candidates[k].moved()
     G, _ = fit.linear.D.gram(np.concatenate([fit.linear.known, moved], axis=1), found.noise)
@@ -232,7 +219,7 @@ def test_forms_of_a_law_are_compared_as_one_at_a_time():
 def test_a_form_that_moves_the_outputs_as_the_effect_is_this_effect_and_no_law():
     problem, smoothed = problem_of(quintic, ("k",))
     found = fitted(problem, smoothed.x)
-    fit = _law_evidence._Fit(linear_set(found.candidate), 30.0, 0.1, frozenset(), {})
+    fit = _law_evidence._Fit(linear_set(found.candidate), (found.noise,), 30.0, 0.1, frozenset())
     k = next(k for k, law in enumerate(fit.candidates) if law.place == ("v", "q"))
     f = next(f for f, form in enumerate(fit.candidates[k].signal.forms) if len(form.functions) == 1)
     moved = fit.candidates[k].moved()

@@ -6,7 +6,7 @@ import pytest
 from sksurrogate.gap import GapDiagnoser
 from sksurrogate.gap import _pipeline as pipeline
 from sksurrogate.gap.fit._unstable import largest_growth, piece_starts
-from sksurrogate.gap.unnamed import _ode_channels
+from sksurrogate.gap.unnamed._ode_channels import OdeChannels
 from sksurrogate.kernels.record import Record
 from sksurrogate.kernels.smoother import smooth
 from sksurrogate.physics import ODESimulator
@@ -77,7 +77,7 @@ def test_a_place_that_cannot_be_followed_is_lost_with_a_note(data, monkeypatch):
     def broken(null, location, kind):
         raise np.linalg.LinAlgError("the posterior precision is not positive definite")
 
-    monkeypatch.setattr(_ode_channels, "channel_of", broken)
+    monkeypatch.setattr(OdeChannels, "made", broken)
     report = diagnosed(data)
     assert report.verdict == "unknown" and report.missing_term.curves == () and report.missing_term.law is None
     assert any(note.startswith("No missing term could be looked for at") for note in report.notes)

@@ -55,8 +55,8 @@ def channel(record, term, seed=1):
 
 def shape(c, changes=()):
     """The term of a channel in the balance of x, and the formulae of its two signals."""
-    drivers = Drivers("x", "state", c.signals, {}, changes=changes)
-    return shape_of(c, drivers, drafts_at(c, drivers))
+    drivers = Drivers(c, c.signals, {}, changes=changes)
+    return shape_of(drivers, drafts_at(drivers))
 
 
 def test_a_signal_reaches_the_output_as_the_recursion_says(record):
@@ -111,7 +111,8 @@ def test_a_formula_says_what_its_effect_says(record):
 
 
 def test_a_law_of_states_at_an_input_is_one_at_its_port_and_one_of_inputs_is_along_its_path():
-    drivers = Drivers("u", "input", {"u": np.arange(3.0), "v": np.ones(3)}, {}, along=["u"])
+    place = SimpleNamespace(location="u", kind="input")
+    drivers = Drivers(place, {"u": np.arange(3.0), "v": np.ones(3)}, {}, along=["u"])
     square = [Term((("square", name, 0.0, 0.0),)) for name in ("u", "v")]
     along, at_port = (drivers.effect([term], np.array([0.1]), False) for term in square)
     assert (along.kind, along.variable) == ("input", None)
@@ -131,7 +132,7 @@ def test_a_law_of_states_at_an_input_is_one_at_its_port_and_one_of_inputs_is_alo
     ],
 )
 def test_a_law_of_a_recent_past_holds_no_other_signal_than_its_own(names, allowed):
-    drivers = Drivers("x", "state", {}, {"lag(v)#0": 0.3, "lag(v)#1": 1.0})
+    drivers = Drivers(SimpleNamespace(location="x", kind="state"), {}, {"lag(v)#0": 0.3, "lag(v)#1": 1.0})
     assert (
         drivers.allows([Term(((("after" if name == "t" else "square"), name, 0.0, 0.0),)) for name in names]) == allowed
     )
@@ -182,7 +183,7 @@ def test_a_law_is_an_effect_that_a_simulator_takes():
 def test_the_same_shape_on_these_data_stands_once(record):
     c = channel(record, lambda z: z[0])
     positive = np.abs(c.signals["a"]) + 0.5  # v |v| is v^2
-    texts = [term.text for term in Library.of(c, Drivers("x", "state", {"v": positive}, {})).terms]
+    texts = [term.text for term in Library.of(Drivers(c, {"v": positive}, {})).terms]
     assert "v^2" in texts and "v*abs(v)" not in texts
 
 
@@ -257,7 +258,7 @@ def test_a_stand_in_of_a_linear_simulator_answers_as_it_does(record):
 def test_a_signal_that_noise_takes_below_zero_is_positive():
     z = np.abs(np.random.default_rng(12).normal(size=1000))
     for low, positive in ((0.1, True), (0.5, False)):
-        terms = terms_of(Drivers("x", "state", {"v": z - low * z.std()}, {}))
+        terms = terms_of(Drivers(None, {"v": z - low * z.std()}, {}))
         assert ("saturating" in {factor[0] for term in terms for factor in term.factors}) == positive
 
 
@@ -276,8 +277,8 @@ def test_a_family_is_tried_for_the_drivers_that_it_suits():
 
 
 def beam_of(c):
-    drivers = Drivers("x", "state", c.signals, {})
-    return Beam(Regression(c, drivers, c.noise), Library.of(c, drivers))
+    drivers = Drivers(c, c.signals, {})
+    return Beam(Regression(drivers, c.noise), Library.of(drivers))
 
 
 def test_all_sums_of_two_terms_are_worth_what_their_regression_says(record):
@@ -302,7 +303,7 @@ def test_two_terms_are_found_that_explain_little_alone(record):
     pair = k["a^3"], k["b^3"]
     alone = beam.grown((), None)
     assert beam.pairs([*k.values()])[pair] > 2.0 * max(alone[one,] for one in pair)
-    best = drafts_at(again, Drivers("x", "state", again.signals, {}))[0]
+    best = drafts_at(Drivers(again, again.signals, {}))[0]
     assert {term.text for term in best.terms} == {"a^3", "b^3"}
 
 
@@ -314,13 +315,11 @@ def test_constants_are_found_that_are_not_in_the_library(record, centre, power):
     truth = 2.0 - 2.0 * level**power / (centre**power + level**power)
     again = channel(record, lambda z: truth)
     again.signals["a"] = level
-    drivers = Drivers("x", "state", again.signals, {})
+    drivers = Drivers(again, again.signals, {})
     found = next(
-        draft
-        for draft in drafts_at(again, drivers)[:3]
-        if {f[0] for term in draft.terms for f in term.factors} == {"hill"}
+        draft for draft in drafts_at(drivers)[:3] if {f[0] for term in draft.terms for f in term.factors} == {"hill"}
     )
-    left = found.coefficients @ drivers.values(found.terms, record) - truth
+    left = found.coefficients @ drivers.values(found.terms) - truth
     assert np.std(left) < 0.05 * np.std(truth)
 
 
@@ -337,7 +336,7 @@ def test_a_formula_that_repeats_a_shorter_one_is_left_out():
 
 def test_a_proportional_term_is_no_sine_of_a_frequency_near_zero(record):
     c = channel(record, lambda z: 0.8 * z[0])
-    found = drafts_at(c, Drivers("x", "state", c.signals, {}))
+    found = drafts_at(Drivers(c, c.signals, {}))
     assert found[0].terms[-1].text == "a"
     assert max(float(np.max(np.abs(draft.coefficients))) for draft in found) < 1e4
 
@@ -345,9 +344,8 @@ def test_a_proportional_term_is_no_sine_of_a_frequency_near_zero(record):
 def test_a_friction_may_grow_with_the_size_of_another_driver_or_of_a_difference():
     rng = np.random.default_rng(0)
     signals = {name: rng.normal(size=50) for name in ("q", "v", "u")}
-    terms = {
-        term.factors for term in terms_of(Drivers("v", "state", {**signals, "load": rng.uniform(1.0, 2.0, 50)}, {}))
-    }
+    drivers = Drivers(None, {**signals, "load": rng.uniform(1.0, 2.0, 50)}, {})
+    terms = {term.factors for term in terms_of(drivers)}
     pairs = {(a[1], b[1]) for a, b in (term for term in terms if len(term) == 2) if (a[0], b[0]) == ("sign", "size")}
     assert {("v", "u"), ("v", "q - u"), ("u", "v")} <= pairs
     assert not {("v", "v"), ("v", "q - v"), ("v", "load"), ("load", "v")} & pairs  # its own size; what has one sign

@@ -9,9 +9,10 @@ from typing import Any, ClassVar, Generic
 import numpy as np
 
 from sksurrogate._parallel._worker_process import PendingAnswer
+from sksurrogate.gap.decide._choice_by_fold import choices_by_fold
 from sksurrogate.gap.decide._generic_correction import Correction
-from sksurrogate.gap.decide._held_out import HeldOut
-from sksurrogate.gap.decide._law_certificate import CertifiedLaw, held_out_law
+from sksurrogate.gap.decide._held_out import HeldOut, law_held_out
+from sksurrogate.gap.decide._law_certificate import CertifiedLaw
 from sksurrogate.gap.decide._posterior import Posterior
 from sksurrogate.gap.decide._separations import Separations
 from sksurrogate.gap.fit._evidence import C, Evidence
@@ -23,6 +24,9 @@ from sksurrogate.gap.unnamed._channels import Channels
 from sksurrogate.gap.unnamed._formula_fit import fitted_laws
 from sksurrogate.gap.unnamed._law_left import LawLeft
 from sksurrogate.gap.unnamed._likely_place import distinct
+
+#: Formulae that are compared again in every fold.
+MOST_FORMULAE = 3
 
 
 class BaseAccess(ABC, Generic[C]):
@@ -120,7 +124,9 @@ class BaseAccess(ABC, Generic[C]):
             return None
         best = laws[0].found
         evidence = search.score(best.candidate) - laws[0].price - search.score(base.candidate)
-        return CertifiedLaw(laws[0], held_out_law(search, laws, held), self.fitted_on_more(best), evidence)
+        choices = [(law.found.candidate, [law.found.noise], 2.0 * law.price) for law in laws[:MOST_FORMULAE]]
+        finals = choices_by_fold(search, choices)
+        return CertifiedLaw(laws[0], law_held_out(finals, held), self.fitted_on_more(best), evidence)
 
     @property
     def places_by_kind(self) -> dict[str, Collection[str]]:

@@ -15,6 +15,7 @@ from sksurrogate.gap.fit._linear_set import linear_set
 from sksurrogate.gap.fit._record_parts import blocked, run_folds
 from sksurrogate.gap.search._base import BaseSearch
 from sksurrogate.kernels.disturbance import Noise
+from sksurrogate.kernels.run_columns import grams_of_pieces
 
 #: Candidates that are compared again in every fold, the best on all runs.
 MOST_CHOICES = 8
@@ -43,16 +44,19 @@ class ByRun:
         return -gain_by_size(n_values, max(-2.0 * value, 1e-300)) if by_size else value
 
 
+def white_grams(candidate: BaseCandidate, starts: np.ndarray) -> np.ndarray:
+    """Of residual over the noise and sensitivities, initial states taken out, over runs (or blocks) that begin at ``starts``."""
+    known = linear_set(candidate).known.transpose(1, 0, 2)
+    return grams_of_pieces(candidate.without_starts(known, starts), starts)
+
+
 def by_run(candidate: BaseCandidate, noises: Sequence[Noise], starts: np.ndarray, by_size: bool, prior: float) -> ByRun:
     """Likelihood of a candidate over runs (or blocks) that begin at ``starts``: under the likeliest of some noises, white by size."""
     linear = linear_set(candidate)
     if by_size:
-        white = candidate.without_starts(linear.known.transpose(1, 0, 2), starts)
-        ends = np.r_[starts[1:], candidate.problem.record.n_samples]
-        flat = [white[:, :, a:b].reshape(len(white), -1) for a, b in zip(starts, ends)]
-        grams, log_dets = np.stack([part @ part.T for part in flat]), np.zeros(len(starts))
+        grams, log_dets = white_grams(candidate, starts), np.zeros(len(starts))
     else:
-        noise = judged_under(candidate, noises).noise if len(noises) > 1 else noises[0]
+        noise = judged_under(candidate, noises).noise
         grams, log_dets = linear.D.in_runs_from(starts).gram_by_run(linear.known, noise)
     return ByRun(grams, log_dets, linear.within_bounds, prior, candidate.n_parameters)
 
@@ -98,11 +102,11 @@ def names_by_fold(search: BaseSearch[C], final: Evidence[C], classes: Sequence[E
     ``classes``: of its effects: their members count as the same names.
     """
     named = final.candidate
-    others = _other_choices(search, named, classes)
-    known = [[noise for noise in (search.noise_of(one), final.noise) if noise is not None] for one in others]
-    return choices_by_fold(
-        search, [(named, [final.noise], 0.0), *((one, noises, 0.0) for one, noises in zip(others, known))]
-    )
+    choices: list[tuple[C, list[Noise], float]] = [(named, [final.noise], 0.0)]
+    for one in _other_choices(search, named, classes):
+        own = search.noise_of(one)
+        choices.append((one, [final.noise] if own is None else [own, final.noise], 0.0))
+    return choices_by_fold(search, choices)
 
 
 def choices_by_fold(search: BaseSearch[C], choices: Sequence[tuple[C, Sequence[Noise], float]]) -> list[C]:

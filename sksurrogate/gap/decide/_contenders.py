@@ -206,7 +206,6 @@ def _may_be_regressors(candidate: OdeCandidate) -> bool:
 
 
 def law_along(search: OdeSearch, asked: LawQuestion) -> LawBeside | None:
-    """A law beside a set; what was computed for it before is kept: the same set is judged whenever names are compared."""
-    unit = search.gap_over_noise
+    """A law beside a set."""
     with np.errstate(all="ignore"):
-        return law_beside(asked, unit, search.tolerance, search.laws.setdefault((*asked.key, unit), {}))
+        return law_beside(asked, search.gap_over_noise, search.tolerance)

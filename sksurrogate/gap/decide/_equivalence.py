@@ -55,14 +55,6 @@ class EquivalenceClass(Generic[C]):
         return {twin.effect.key for twin in self.twins}
 
 
-def equivalents(search: BaseSearch[C], final: Evidence[C], as_likely: Sequence[Any]) -> list[EquivalenceClass[C]]:
-    """Refit every other candidate in each place under the final noise model; those within :data:`EQUAL` are its class.
-
-    So are sets that are ``as_likely`` beside a law of their own.
-    """
-    return [_with_as_likely(_class_in_place(search, final, i), final, as_likely) for i in range(len(final.effects))]
-
-
 def _with_as_likely(
     its_class: EquivalenceClass[C], final: Evidence[C], as_likely: Sequence[Any]
 ) -> EquivalenceClass[C]:
@@ -74,7 +66,7 @@ def _with_as_likely(
 
 
 def _class_in_place(search: BaseSearch[C], final: Evidence[C], i: int) -> EquivalenceClass[C]:
-    """What could stand in the place of effect i."""
+    """What could stand in the place of effect i: candidates fitted there that are within :data:`EQUAL` under the final noise model."""
     named, own = final.candidate, final.effects[i].key
 
     def worth(candidate: C) -> float:
@@ -162,7 +154,9 @@ def canonical_classes(search: BaseSearch[C], posterior: Posterior) -> tuple[list
     Returns ``posterior``: in the same order.
     """
     final = search.standing
-    classes, kept = equivalents(search, final, posterior.as_likely), list(posterior.probabilities)
+    found = [_class_in_place(search, final, i) for i in range(len(final.effects))]
+    classes = [_with_as_likely(its_class, final, posterior.as_likely) for its_class in found]
+    kept = list(posterior.probabilities)
     for own in final.effects:
         i = [effect.key for effect in final.effects].index(own.key)
         twin = _first_twin(classes[i], own, search.positions)

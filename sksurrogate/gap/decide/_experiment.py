@@ -46,11 +46,8 @@ def suggestion(apart: Mapping[str, np.ndarray], names: Sequence[str], beyond: Co
         known = [int(k) for k in settled if np.isfinite(values[k])]
         hardest = min(known, key=lambda k: values[k], default=None)
         if hardest is not None:
-            between = f"{names[0]} and {names[1 + hardest]}"
-            within = experiment not in beyond
-            rows.append(
-                {"experiment": experiment, "gain": float(values[hardest]), "between": between, "within": within}
-            )
+            pair = {"between": f"{names[0]} and {names[1 + hardest]}", "within": experiment not in beyond}
+            rows.append({"experiment": experiment, "gain": float(values[hardest]), **pair})
     rows.sort(key=lambda row: (not (row["within"] and row["gain"] >= NATS_THAT_SETTLE), -row["gain"]))
     best = rows[0]
     if best["gain"] < NATS_THAT_SETTLE:

@@ -19,6 +19,7 @@ from sksurrogate.kernels.record import Record
 Correction = Callable[[Record, np.ndarray], np.ndarray]
 #: Inputs, initial states, outputs.
 Run = tuple[np.ndarray, np.ndarray, np.ndarray]
+_Runs = Sequence[np.ndarray]
 
 #: The correction is learned on this many parts only, by one small map: a bar beside the diagnosis, not its aim.
 FOLDS, MAPS, UNITS, ITERATIONS, LAGS = 2, 1, 3, 8, 5
@@ -84,12 +85,14 @@ def generic_correction(simulator: Any, correction: Any, runs: Iterable[Run] = ()
             return out
         parts, long = np.asarray(fold) % FOLDS, record.lengths > LAGS
         predict = _Supported(SimulatedOnce(simulator, runs)) if correction is None else _Own(correction)
+        predicted: list[int] = []
         for k in np.unique(parts[long]):
             taught, test = np.flatnonzero(long & (parts != k)), np.flatnonzero(long & (parts == k))
             if not len(taught):  # one short run: nothing is left to learn from
                 continue
             try:
-                predict.learn(record, taught, test)
+                predict.learn(*_rows(record, taught), *_rows(record, test))
+                predicted += test.tolist()
             except (SurrogateError, ValueError, RuntimeError, ArithmeticError, np.linalg.LinAlgError) as error:
                 # The answers so far are worth more than the bar of the learned correction.
                 warnings.warn(
@@ -97,20 +100,19 @@ def generic_correction(simulator: Any, correction: Any, runs: Iterable[Run] = ()
                     UserWarning,
                     stacklevel=2,
                 )
-        found = predict.outputs()
-        for r, y in found:
+        for r, y in zip(predicted, predict.outputs()):
             out[:, slice(*record.spans[r])] = y.T
-        given = bool(found) & ~long[record.run_of_row]  # the first rows of a run are given: all of a short piece
+        given = bool(predicted) & ~long[record.run_of_row]  # the first rows of a run are given: all of a short piece
         out[:, given] = record.y[:, given]
         return out
 
     return run
 
 
-def _rows(record: Record, r: int) -> tuple[np.ndarray, np.ndarray]:
-    """Inputs and outputs of a run, (n_samples, n_inputs | n_outputs)."""
-    rows = slice(*record.spans[r])
-    return record.u[:, rows].T, record.y[:, rows].T
+def _rows(record: Record, runs: Iterable[int]) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    """Inputs and outputs of some runs, each (n_samples, n_inputs | n_outputs)."""
+    spans = [slice(*record.spans[r]) for r in runs]
+    return [record.u[:, rows].T for rows in spans], [record.y[:, rows].T for rows in spans]
 
 
 class _Own:
@@ -118,22 +120,20 @@ class _Own:
 
     def __init__(self, model: Any):
         self.model, self.name = model, type(model).__name__
-        self._found: list[tuple[int, np.ndarray]] = []
+        self._found: list[np.ndarray] = []
 
-    def learn(self, record: Record, taught: np.ndarray, test: np.ndarray) -> None:
-        """Fit on some runs, run on the others."""
+    def learn(self, U: _Runs, y: _Runs, V: _Runs, z: _Runs) -> None:
+        """Fit on inputs and outputs of some runs, run on the others."""
         from sklearn.base import clone
 
-        U, y = zip(*(_rows(record, r) for r in taught))
         fitted = clone(self.model).fit(np.concatenate(U), np.concatenate(y), groups=_labels(U))
         n_lags = int(getattr(fitted, "n_initial_", 0) or getattr(fitted, "n_lags_", 0) or 5)
-        V, z = zip(*(_rows(record, r) for r in test))
         first = np.stack([part[:n_lags] for part in z])
-        found = np.asarray(fitted.predict(np.concatenate(V), y0=first, groups=_labels(V))).reshape(-1, len(record.y))
-        self._found += list(zip(test, np.split(found, np.cumsum([len(part) for part in V])[:-1])))
+        found = np.asarray(fitted.predict(np.concatenate(V), y0=first, groups=_labels(V))).reshape(-1, z[0].shape[1])
+        self._found += np.split(found, np.cumsum([len(part) for part in V])[:-1])
 
-    def outputs(self) -> list[tuple[int, np.ndarray]]:
-        """(run, its outputs)."""
+    def outputs(self) -> list[np.ndarray]:
+        """Of the other runs, in turn."""
         return self._found
 
 
@@ -149,40 +149,38 @@ class _Supported:
 
     def __init__(self, simulator: Any):
         self.simulator = simulator
-        self._folds: list[list[tuple[int, np.ndarray, np.ndarray, np.ndarray]]] = []
+        self._folds: list[list[tuple[np.ndarray, np.ndarray, np.ndarray]]] = []
 
-    def learn(self, record: Record, taught: np.ndarray, test: np.ndarray) -> None:
-        """Fit on some runs; simulator, hybrid and measurement of the others."""
+    def learn(self, U: _Runs, y: _Runs, V: _Runs, z: _Runs) -> None:
+        """Fit on inputs and outputs of some runs; simulator, hybrid and measurement of the others."""
         from sksurrogate.compose._hybrid_output import OutputCorrection
         from sksurrogate.compose._residual import FreeRunResidual
 
         residual = FreeRunResidual(hidden=UNITS, n_starts=MAPS, max_iter=ITERATIONS)
         correction = OutputCorrection(self.simulator, residual, "output", "shooting", LAGS, 1.0, 1e-2, 0)
         correction.finds_starts = False  # as the simulator of the bar above starts
-        U, y = zip(*(_rows(record, r) for r in taught))
         correction.fit(list(U), list(y))
-        V, z = zip(*(_rows(record, r) for r in test))
         first = [part[:LAGS] for part in z]
         whole = correction.run(V, first, spread=False).y
-        correction.keep(np.zeros(len(record.y)), 1.0)
-        self._folds.append(list(zip(test, correction.run(V, first, spread=False).y, whole, z)))
+        correction.keep(np.zeros(z[0].shape[1]), 1.0)
+        self._folds.append(list(zip(correction.run(V, first, spread=False).y, whole, z)))
 
-    def outputs(self) -> list[tuple[int, np.ndarray]]:
-        """(run, its outputs); the share of a fold is that of the others."""
+    def outputs(self) -> list[np.ndarray]:
+        """Of the other runs, in turn; the share of a fold is that of the others."""
         found = []
         for k, fold in enumerate(self._folds):
             share = self._share([run for j, other in enumerate(self._folds) if j != k for run in other])
-            found += [(r, alone + share * (whole - alone)) for r, alone, whole, _ in fold]
+            found += [alone + share * (whole - alone) for alone, whole, _ in fold]
         return found
 
     @staticmethod
-    def _share(runs: list[tuple[int, np.ndarray, np.ndarray, np.ndarray]]) -> np.ndarray | float:
+    def _share(runs: list[tuple[np.ndarray, np.ndarray, np.ndarray]]) -> np.ndarray | float:
         """The share of each output that these runs support; none without runs."""
         from sksurrogate.compose._support import SHARES, block_powers, supported
 
         if not runs:
             return 0.0
-        errors = [(alone - y) + SHARES[:, None, None] * (whole - alone) for _, alone, whole, y in runs]
+        errors = [(alone - y) + SHARES[:, None, None] * (whole - alone) for alone, whole, y in runs]
         lengths = [len(y) for *_, y in runs]
         power = block_powers([error[:, LAGS:] for error in errors], list(enumerate(lengths)), lengths)
         return np.array([supported(power[:, :, j], SHARES).factor for j in range(power.shape[2])])

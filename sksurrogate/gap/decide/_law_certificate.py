@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -11,8 +10,7 @@ import numpy as np
 from sksurrogate._units import over, times, to_power
 from sksurrogate.effects._formula import SHAPES, separate_parts, signal_names
 from sksurrogate.effects._law import AnyLaw
-from sksurrogate.gap.decide._choice_by_fold import choices_by_fold
-from sksurrogate.gap.decide._held_out import HeldOut, law_held_out
+from sksurrogate.gap.decide._held_out import HeldOut
 from sksurrogate.gap.decide._intervals import intervals
 from sksurrogate.gap.fit._evidence import CERTAIN, Evidence
 from sksurrogate.gap.results._effect_estimate import BAND
@@ -28,9 +26,6 @@ CERTIFICATE = 0.15
 #: The effect that adds a constant, by the kind of its place.
 CONSTANTS = {"state": "constant_bias", "input": "input_bias", "output": "sensor_bias", "parameter": "parameter_error"}
 
-#: Formulae that are compared again in every fold.
-MOST_FORMULAE = 3
-
 
 @dataclass(frozen=True, eq=False)
 class CertifiedLaw:
@@ -40,13 +35,6 @@ class CertifiedLaw:
     held: HeldOut
     fitted: Evidence[Any]  #: The same on more of a long record
     evidence: float  #: Nats by which it is likelier than no law, its price paid
-
-
-def held_out_law(search: BaseSearch[Any], laws: Sequence[FittedLaw], held: HeldOut) -> HeldOut:
-    """Beside the free runs of what is named those with the law that the runs outside each fold choose."""
-    choices = [(law.found.candidate, [law.found.noise], 2.0 * law.price) for law in laws[:MOST_FORMULAE]]
-    finals = choices_by_fold(search, choices)
-    return law_held_out(finals, held)
 
 
 def takes_the_place(

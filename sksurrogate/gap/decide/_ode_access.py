@@ -47,12 +47,11 @@ def lost_places(names: Sequence[str]) -> list[str]:
     >>> lost_places(["level"])[0][:47]
     'No missing term could be looked for at level: t'
     """
-    if not names:
-        return []
-    return [
+    text = (
         f"No missing term could be looked for at {', '.join(names)}: the simulator's response to a signal there is not finite along "
         "the measured runs."
-    ]
+    )
+    return [text] if names else []
 
 
 def notes_on_kinks(candidate: OdeCandidate) -> list[str]:

@@ -1,4 +1,4 @@
-"""Names and laws of one place and signal are parts of one curve: which of them only corrects the form of the other."""
+"""Names and laws of one place and signal are parts of one curve: which of them only corrects the form of the other, which comes nearest."""
 
 from __future__ import annotations
 
@@ -9,9 +9,10 @@ from scipy.special import ndtr
 
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.gap.decide._intervals import intervals, not_sized
-from sksurrogate.gap.fit._evidence import Evidence
+from sksurrogate.gap.fit._evidence import C, Evidence
 from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.results._law import Law
+from sksurrogate.gap.search._base import BaseSearch
 from sksurrogate.gap.unnamed._law_evidence import place_and_signal
 from sksurrogate.gap.unnamed._law_left import LawLeft
 from sksurrogate.gap.unnamed._law_shapes import AND_ITS_PAST
@@ -63,6 +64,27 @@ def is_at(effect: BaseEffect, law: Law | LawLeft) -> bool:
     (True, False)
     """
     return effect.location == law.location and (effect.kind == "output") == (law.kind == "output")
+
+
+def is_like(effect: BaseEffect, law: Law) -> bool:
+    """Whether an effect acts at the place of a law, driven by a signal of it.
+
+    >>> from sksurrogate.effects import CATALOGUE, LawEffect
+    >>> law = Law("force", "input", ("force",), LawEffect("force"), {}, {})
+    >>> [is_like(CATALOGUE[name](at), law) for name, at in (("input_saturation", "force"), ("sensor_gain", "force"))]
+    [True, False]
+    """
+    return is_at(effect, law) and not set(place_and_signal(effect)[1].split("*")).isdisjoint(law.variables)
+
+
+def nearest_name(search: BaseSearch[C], law: Law) -> C | None:
+    """The single effect that comes nearest to a law that has no name, fitted.
+
+    None where each leaves more of the gap than a correction of its form may be.
+    """
+    alone = [one for keys, one in search.fitted.items() if len(keys) == 1 and is_like(one.effects[0], law)]
+    nearest = min(alone, key=lambda one: one.fit.cost, default=None)
+    return nearest if nearest is not None and nearest.fit.cost < LARGEST_CORRECTION**2 * search.tolerated_cost else None
 
 
 def form_holds(effect: BaseEffect, law: LawLeft, tolerance: float) -> float:

@@ -63,7 +63,7 @@ def weigh(search: OdeSearch, final: Evidence) -> Posterior:
     seeds = [] if nothing is None else [nothing.seed]
     own = judged_law(search, final, whole, along=False, seeds=seeds)
     if own is None:
-        return Posterior(tuple(1.0 for _ in final.effects), None)
+        return Posterior((1.0,) * n, None)
     net = contender(search, whole, own).net
     empty = -np.inf if nothing is None else contender(search, none, nothing).net
     against = [empty]
@@ -90,7 +90,7 @@ def let_stand(search: OdeSearch, final: Evidence) -> tuple[Evidence, Posterior]:
     fallen: set[frozenset] = set()
     if closes_by_size(final, search.tolerated_cost):
         law = judged_law(search, final, final.candidate, along=False)
-        return final, Posterior(tuple(1.0 for _ in final.effects), law)
+        return final, Posterior((1.0,) * len(final.effects), law)
     while final.effects and not leaves_most(final, search.gap_cost):
         posterior = weigh(search, final)
         least = int(np.argmin(posterior.probabilities))

@@ -7,8 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from sksurrogate.gap.decide._choice_by_fold import by_run
-from sksurrogate.gap.fit._backend import BaseCandidate
+from sksurrogate.gap.decide._choice_by_fold import white_grams
 from sksurrogate.gap.fit._closeness import MOST_LEFT, NEARLY_WHITE
 from sksurrogate.gap.fit._evidence import CERTAIN, C, Evidence, gain_by_size
 from sksurrogate.gap.search._base import BaseSearch
@@ -38,10 +37,10 @@ def run_to_run(search: BaseSearch[C], final: Evidence[C]) -> RunToRun | None:
         return None
     known = (one for keys, one in search.fitted.items() if len(keys) == 1 and one.effects[0].name in CAUSES)
     candidates = [final.candidate] if final.effects else list(known)
-    left = float(np.sum(_white_grams(final.candidate, record.starts)[:, 0, 0]))
+    left = float(np.sum(white_grams(final.candidate, record.starts)[:, 0, 0]))
     best, worth = None, CERTAIN + float(np.log(max(len(candidates), 1)))
     for candidate in candidates:
-        rest, steps = fitted_by_run(_white_grams(candidate, record.starts))
+        rest, steps = fitted_by_run(white_grams(candidate, record.starts))
         price = 0.5 * steps.size * np.log(record.n_values)
         gain = gain_by_size(record.n_values, left / max(rest, 1e-300)) - price
         if gain > worth and rest < MOST_LEFT**2 * left:
@@ -64,11 +63,6 @@ def fitted_by_run(grams: np.ndarray) -> tuple[float, np.ndarray]:
     """
     steps = np.stack([linear_least_squares(G[1:, 1:], G[1:, 0], rcond=UNSEEN) for G in grams])
     return float(sum(G[0, 0] - G[1:, 0] @ step for G, step in zip(grams, steps))), steps
-
-
-def _white_grams(candidate: BaseCandidate, starts: np.ndarray) -> np.ndarray:
-    """Of residual over the noise and sensitivities, run by run."""
-    return by_run(candidate, [], starts, True, 0.0).grams
 
 
 def differs(found: RunToRun, labels: Sequence[Any]) -> str:

@@ -18,7 +18,7 @@ from sksurrogate.gap.fit._linear_set import LinearSet, linear_set
 from sksurrogate.gap.fit._normal_equations import inverse
 from sksurrogate.gap.search._base import BaseSearch
 from sksurrogate.kernels.disturbance import Noise
-from sksurrogate.kernels.run_columns import RunColumns, take_out
+from sksurrogate.kernels.run_columns import RunColumns, grams_of_pieces, take_out
 
 #: A tone that is less than four fifths of the noise gains under the noise as it is at least this share of what it gains with one
 #: fitted beside it: ``s`` for ``-log(1 - s)``.
@@ -210,12 +210,12 @@ class _Fit:
 
     def first_sight(self, proposal: Proposal) -> float:
         """Twice the log likelihood under white noise, less the cost of the parameters."""
-        linear = self.linear if proposal.of is not None else self.linear.beside(proposal.columns)
         if proposal.of is None:
+            linear = self.linear.beside(proposal.columns)
             flat = self.projected(proposal.columns).reshape(-1, linear.r.size)
             G = flat @ flat.T
         else:
-            whole, taken = self.seen_by_run(proposal)
+            linear, (whole, taken) = self.linear, self.seen_by_run(proposal)
             G = whole - taken[proposal.acts].sum(axis=0)
         left = np.r_[1.0, -linear.weights(G)]
         # The variance is unknown: what is left may be large.
@@ -231,9 +231,7 @@ class _Fit:
         if id(columns) not in self.by_run:
             assert proposal.of is not None
             stack, k = self.projected(columns), columns.shape[1]
-            edges = np.r_[np.flatnonzero(np.diff(proposal.of, prepend=-1)), len(proposal.of)]
-            parts = (stack[:, :, a:b].reshape(len(stack), -1) for a, b in zip(edges[:-1], edges[1:]))
-            grams = np.stack([part @ part.T for part in parts])
+            grams = grams_of_pieces(stack, np.flatnonzero(np.diff(proposal.of, prepend=-1)))
             known = grams[:, :-k, :-k]
             self.by_run[id(columns)] = columns, known.sum(axis=0), known - take_out(grams, k)[0]
         return self.by_run[id(columns)][1:]
@@ -243,13 +241,14 @@ class _Fit:
         k = proposal.n_weights + proposal.extra
         return float(evidence_threshold(k, tried, self.n)) + proposal.chosen
 
-    def fitted(self, proposal: Proposal | None = None) -> tuple[float, np.ndarray, np.ndarray]:
+    def fitted(self, proposal: Proposal) -> tuple[float, np.ndarray, np.ndarray]:
         """The largest log likelihood with the noise fitted, the weights there, and the squares of these over their variances."""
-        own = None if proposal is None else proposal.own
-        linear = self.linear if proposal is None or own is not None else self.linear.beside(proposal.acting)
+        own = proposal.own
+        linear = self.linear.beside(proposal.acting) if own is None else self.linear
         noise, value, _ = max((linear.noise_from(start, own=own) for start in self.noises), key=lambda fit: fit[1])
-        if proposal is None or own is None:
-            theta, variance = _weights(linear, linear.gram(noise)[0])
+        if own is None:
+            theta, covariance = _weights(linear, linear.gram(noise)[0])
+            variance = np.diag(covariance)
         else:
             theta, variance = _weights_by_run(linear, noise, own, proposal.acts)
         return float(value), theta, theta**2 / np.maximum(variance, 1e-300)
@@ -267,7 +266,7 @@ class _Fit:
     @cached_property
     def alone(self) -> float:
         """The largest log likelihood beside no fault."""
-        return self.fitted()[0]
+        return max(float(self.linear.noise_from(start)[1]) for start in self.noises)
 
     def in_runs(self, proposal: Proposal, nats: np.ndarray) -> Proposal:
         """The fault in those runs whose value is worth its ``ln N``, itself where all are or none is."""
@@ -302,18 +301,17 @@ class _Fit:
 
 
 def _weights(linear: LinearSet[Any], G: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Of the columns of a model, and their variances, from its Gram."""
-    return linear.weights(G), np.diag(inverse(G[1:, 1:] + np.diag(linear.precision)))
+    """Of the columns of a model, and their covariance, from its Gram."""
+    return linear.weights(G), inverse(G[1:, 1:] + np.diag(linear.precision))
 
 
 def _weights_by_run(
     linear: LinearSet[Any], noise: Noise, own: RunColumns, acts: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The same, and then those of further columns in every run that ``acts`` names, run by run."""
+    """The same with variances, and then those of further columns in every run that ``acts`` names, run by run."""
     grams = linear.D.gram_by_run(np.concatenate([linear.known, own.columns], axis=1), noise)[0]
     left, weights, inverses = take_out(own.by_run(grams, linear.D.starts), own.columns.shape[1])
-    G, by_others = left.sum(axis=0), weights[acts, :, 1:]
-    theta, variance = _weights(linear, G)
-    covariance = inverse(G[1:, 1:] + np.diag(linear.precision))
+    theta, covariance = _weights(linear, left.sum(axis=0))
+    by_others = weights[acts, :, 1:]
     further = np.einsum("rkk->rk", inverses[acts]) + np.einsum("rki,ij,rkj->rk", by_others, covariance, by_others)
-    return np.r_[theta, (weights[acts, :, 0] - by_others @ theta).ravel()], np.r_[variance, further.ravel()]
+    return np.r_[theta, (weights[acts, :, 0] - by_others @ theta).ravel()], np.r_[np.diag(covariance), further.ravel()]

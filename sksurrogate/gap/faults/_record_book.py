@@ -107,21 +107,16 @@ class RecordBook:
 
         def with_effect() -> Alternative:
             law, score = law_left(final), search.score(final.candidate)
-            return (
-                Alternative(score, final.left)
-                if law is None
-                else Alternative(score + 0.5 * max(law.gain, 0.0), law.left)
-            )
+            if law is None:
+                return Alternative(score, final.left)
+            return Alternative(score + 0.5 * max(law.gain, 0.0), law.left)
 
         fault = fault_left(_bases(search, final), self.raw.run_of_row[rows], search, with_effect)
         if fault is None:
             return self
-        stays = isinstance(fault, NoisyInput) and fault.slow is not None
-        return (
-            self.with_fault(fault, np.inf, search.score(final.candidate))
-            if stays
-            else self.with_fault(fault, final.left)
-        )
+        if isinstance(fault, NoisyInput) and fault.slow is not None:  # it stays in the record
+            return self.with_fault(fault, np.inf, search.score(final.candidate))
+        return self.with_fault(fault, final.left)
 
     @property
     def noisy_inputs(self) -> set[str]:

@@ -83,7 +83,7 @@ def _is_expected(y: np.ndarray, model: np.ndarray, s: Stretch) -> bool:
 def _faults(record: Record, found: list[tuple[int, str, Stretch]]) -> list[WrongReadings]:
     """One fault for each output and kind; spikes that fall to one value, and flat stretches entered by a jump, are dropouts."""
     parts: dict[tuple[str, int], list[Stretch]] = {}
-    for j in range(len(record.y)):
+    for j in sorted({j for j, _, _ in found}):
         own = [(kind, s) for i, kind, s in found if i == j]
         values = _landing(record.y[j], [s for _, s in own])
         for kind, s in own:
@@ -100,11 +100,7 @@ def _faults(record: Record, found: list[tuple[int, str, Stretch]]) -> list[Wrong
 def _landing(y: np.ndarray, stretches: list[Stretch]) -> set[float]:
     """Values that several wrong readings share exactly, which a noisy signal does not."""
     first = [float(y[s.start]) for s in stretches]
-    usual = (
-        {float(v) for v in np.delete(y, np.concatenate([np.arange(s.start, s.stop) for s in stretches]))}
-        if first
-        else set()
-    )
+    usual = set(np.delete(y, np.concatenate([np.arange(s.start, s.stop) for s in stretches])).tolist())
     return {v for v in first if (first.count(v) >= LEAST_DROPOUTS and v not in usual) or v == 0.0}
 
 

@@ -73,14 +73,11 @@ def budget_html(budget: Table) -> str:
     rows = listed_parts(budget)
     if not rows:
         return ""
-    parts = "".join(
-        f'<span style="flex:{max(row["share"], 1e-4):.5f} 0 0;background:{fill}" title="{escape(part_name(row))}"></span>'
-        for row, fill in zip(rows, fills(rows))
-    )
-    legend = "".join(
-        f'<li><span class="key" style="background:{fill}"></span>{_percent(row)} {escape(part_name(row))}</li>'
-        for row, fill in zip(rows, fills(rows))
-    )
+    parts = legend = ""
+    for row, fill, name in zip(rows, fills(rows), (escape(part_name(row)) for row in rows)):
+        flex = f"flex:{max(row['share'], 1e-4):.5f} 0 0"
+        parts += f'<span style="{flex};background:{fill}" title="{name}"></span>'
+        legend += f'<li><span class="key" style="background:{fill}"></span>{_percent(row)} {name}</li>'
     return (
         f'<figure class="budget"><div class="budgetbar" role="img" aria-label="budget of the gap">{parts}</div>'
         f"<ul>{legend}</ul><figcaption>Budget of the gap: shares of its power on held-out runs, with 90 % intervals."

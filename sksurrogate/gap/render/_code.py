@@ -18,7 +18,7 @@ from {module} import {name} as simulator  # as it was diagnosed
 model = AugmentedSimulator(
     simulator,
     effects=[{effects}],
-    values=[{values}],{retuned}{runs}{scale}{sharpness}
+    values=[{values}],{options}
 )
 """
 _FROM_DIAGNOSER = """\
@@ -60,22 +60,24 @@ def _built(report: ReportData) -> str:
     if not all(effect.name in CATALOGUE for effect in effects) or report.certified_law is not None:
         return _FROM_DIAGNOSER
     module, name = _reference(report.provenance.simulator)
+    options = []
+    if retuned:
+        options.append(f"retuned={_numbers(retuned)},")
+    if any(effect.runs is not None for effect in effects):
+        options.append(f"runs={_runs(effects)},  # model.in_run(label) is the simulator of one run")
+    if report.scale:
+        sizes = ", ".join(number(size, 12) for size in report.scale)
+        options.append(f"scale=[{sizes}],  # sizes of the states, for kinks")
+    if report.sharpness != KINK_SHARPNESS:
+        sharpness = number(report.sharpness, 12)
+        options.append(f"sharpness={sharpness},  # these sizes over the width of the kinks, as fitted")
     return _BUILD.format(
         module=module,
         name=name,
         effects=", ".join(made := [*map(_made, effects)]),
         names=f"CATALOGUE, AugmentedSimulator{', starting' if any(one.startswith('starting') for one in made) else ''}",
         values=", ".join(_numbers(effect.params) for effect in effects),
-        retuned=f"\n    retuned={_numbers(retuned)}," if retuned else "",
-        runs=f"\n    runs={_runs(effects)},  # model.in_run(label) is the simulator of one run"
-        if any(effect.runs is not None for effect in effects)
-        else "",
-        scale=f"\n    scale=[{', '.join(number(size, 12) for size in report.scale)}],  # sizes of the states, for kinks"
-        if report.scale
-        else "",
-        sharpness=""
-        if report.sharpness == KINK_SHARPNESS
-        else f"\n    sharpness={number(report.sharpness, 12)},  # these sizes over the width of the kinks, as fitted",
+        options="".join(f"\n    {line}" for line in options),
     )
 
 

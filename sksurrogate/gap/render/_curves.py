@@ -71,13 +71,7 @@ def form_of(effect: EffectEstimate) -> str:
     if kind is None:
         return ""
     words = set(re.findall(r"\bd?([cvxyup])\b", kind.equation))
-    letters = {
-        "c": next(iter(effect.params), ""),
-        "v": effect.variable or "",
-        "x": effect.location,
-        "y": effect.location,
-    }
-    letters["u"], letters["p"] = effect.location, effect.location
+    letters = {"c": next(iter(effect.params), ""), "v": effect.variable or "", **dict.fromkeys("xyup", effect.location)}
     known = [f"{letter} = {readable(name)}" for letter, name in letters.items() if letter in words and name]
     balance = issubclass(kind, BalanceEffect) and kind.equation[0] in "+-"
     place = f", added to the balance of {escape(effect.location)}" if balance and not effect.at_port else ""

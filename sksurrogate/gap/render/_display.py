@@ -11,7 +11,7 @@ from sklearn.utils.validation import check_is_fitted
 from sksurrogate.exceptions import require
 from sksurrogate.gap.render._budget import fills, listed_parts, part_name
 from sksurrogate.gap.render._curves import balance_axis
-from sksurrogate.gap.render._runs import fitted_name, near_readings, noise_of, run_error, worst_first
+from sksurrogate.gap.render._runs import fitted_name, near_readings, noise_of, worst_first
 from sksurrogate.gap.render._units import TIME, axis, range_text
 from sksurrogate.gap.render._waterfall import waterfall
 from sksurrogate.gap.results._report_data import ReportData
@@ -188,12 +188,11 @@ class GapDisplay:
         _legend_above(ax)
 
     def _runs(self, ax: Any) -> None:
-        order = worst_first(self.report)
-        errors = [run_error(self.report, self.report.traces[k]) for k in order]
-        at = np.arange(len(order))
-        ax.bar(at - 0.2, [before for before, _ in errors], 0.4, color="#d55e00", hatch="//", label="simulator")
-        ax.bar(at + 0.2, [after for _, after in errors], 0.4, color="#000000", label=fitted_name(self.report))
-        ax.set_xticks(at, [str(self.report.traces[k].label) for k in order], rotation=45 if len(order) > 8 else 0)
+        runs = worst_first(self.report)
+        at = np.arange(len(runs))
+        ax.bar(at - 0.2, [run.before for run in runs], 0.4, color="#d55e00", hatch="//", label="simulator")
+        ax.bar(at + 0.2, [run.after for run in runs], 0.4, color="#000000", label=fitted_name(self.report))
+        ax.set_xticks(at, [str(run.trace.label) for run in runs], rotation=45 if len(runs) > 8 else 0)
         ax.set(xlabel="run, the worst first", ylabel="RMSE / deviation")
         _legend_above(ax)
 
@@ -202,7 +201,7 @@ class GapDisplay:
 
     def _worst_trace(self) -> Trace:
         """The run that the simulator misses most."""
-        return self.report.traces[worst_first(self.report)[0]]
+        return worst_first(self.report)[0].trace
 
     def _worst(self) -> int:
         """The output with the largest share of the gap."""

@@ -286,9 +286,6 @@ def _about_the_rest(report: ReportData) -> str:
             "Compare the laws of the missing term with the catalogue: "
             "GapDiagnoser(simulator, effects=[*CATALOGUE.values(), *report.missing_term.effects])."
         )
-    look = (
-        "Look at the shape of what is missing: report.plot('missing_term'). "
-        if term is not None and term.curves
-        else ""
-    )
+    drawn = term is not None and term.curves
+    look = "Look at the shape of what is missing: report.plot('missing_term'). " if drawn else ""
     return f"{look}Add an effect of your own to the catalogue, or learn the rest: HybridRegressor(simulator)."

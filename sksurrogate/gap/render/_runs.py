@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from html import escape
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,18 +19,26 @@ def deviations(report: ReportData) -> np.ndarray:
     return np.maximum(np.nanstd(measured, axis=0), 1e-300)
 
 
-def run_error(report: ReportData, trace: Trace) -> tuple[float, float]:
-    """RMSE of one run before and after, each output over its deviation over all runs."""
+class Missed(NamedTuple):
+    """A run, and its RMSE before and after, each output over its deviation over all runs."""
+
+    trace: Trace
+    before: float
+    after: float
+
+    def __str__(self) -> str:
+        return f"{self.before:.3g} -> {self.after:.3g}"
+
+
+def worst_first(report: ReportData) -> list[Missed]:
+    """The runs with their errors, those that the simulator misses most first."""
     spread = deviations(report)
-    return tuple(  # type: ignore[return-value]
-        float(np.sqrt(np.nanmean(((trace.measured - run) / spread) ** 2))) for run in (trace.before, trace.corrected)
-    )
 
+    def error(trace: Trace, run: np.ndarray) -> float:
+        return float(np.sqrt(np.nanmean(((trace.measured - run) / spread) ** 2)))
 
-def worst_first(report: ReportData) -> list[int]:
-    """Places of the runs in ``report.traces``, those that the simulator misses most first."""
-    errors = [run_error(report, trace)[0] for trace in report.traces]
-    return sorted(range(len(errors)), key=lambda k: (-np.nan_to_num(errors[k], nan=-1.0), k))
+    runs = [Missed(trace, error(trace, trace.before), error(trace, trace.corrected)) for trace in report.traces]
+    return sorted(runs, key=lambda run: -np.nan_to_num(run.before, nan=-1.0))
 
 
 def worst_output(report: ReportData, trace: Trace) -> int:
@@ -62,8 +71,8 @@ def runs_html(report: ReportData) -> str:
     """The worst run large, the others as small multiples in the order of their error."""
     if not report.traces:
         return ""
-    order = worst_first(report)
-    first, others = report.traces[order[0]], [report.traces[k] for k in order[1:DRAWN]]
+    first, *further = worst_first(report)
+    others, rest = further[: DRAWN - 1], further[DRAWN - 1 :]
     out = [
         "<h2>Every run, the worst first</h2>",
         '<p class="small">Each run is simulated by a fit without this run. <span class="noprint">Drag over a figure to zoom, '
@@ -71,10 +80,9 @@ def runs_html(report: ReportData) -> str:
         _large(first, report),
     ]
     if others:
-        out.append(f'<div class="grid">{"".join(_small(trace, report) for trace in others)}</div>')
-    rest = [report.traces[k] for k in order[DRAWN:]]
+        out.append(f'<div class="grid">{"".join(_small(run, report) for run in others)}</div>')
     if rest:
-        errors = "; ".join(f"{escape(str(t.label))}: {_errors(t, report)}" for t in rest)
+        errors = "; ".join(f"{escape(str(run.trace.label))}: {run}" for run in rest)
         out.append(f'<details><summary>{len(rest)} more runs</summary><p class="small">{errors}</p></details>')
     return "".join(out)
 
@@ -95,34 +103,27 @@ def _called(trace: Trace, report: ReportData) -> str:
     return run_name(trace.label, report.provenance.n_runs == 1 and len(report.traces) > 1)
 
 
-def _errors(trace: Trace, report: ReportData) -> str:
-    before, after = run_error(report, trace)
-    return f"{before:.3g} -> {after:.3g}"
+def _caption(run: Missed, report: ReportData) -> str:
+    return f"<figcaption><strong>{escape(_called(run.trace, report))}</strong>: RMSE / deviation {run}</figcaption>"
 
 
-def _caption(trace: Trace, report: ReportData) -> str:
-    return (
-        f"<figcaption><strong>{escape(_called(trace, report))}</strong>: RMSE / deviation {_errors(trace, report)}"
-        "</figcaption>"
-    )
-
-
-def _large(trace: Trace, report: ReportData) -> str:
+def _large(run: Missed, report: ReportData) -> str:
     """All outputs with their residuals, and the inputs."""
+    trace = run.trace
     outputs = range(min(trace.measured.shape[1], MOST_SIGNALS))
     panels = [panel for j in outputs for panel in (_output(trace, j, report, 150), *_residuals(trace, j, report, 70))]
     panels += _inputs(trace, report, 70)
     label = axis(TIME, report.units)
     picture = figure(panels, label, _called(trace, report), width=900)
-    return f'<figure><div class="wide">{picture}</div>{_caption(trace, report)}</figure>'
+    return f'<figure><div class="wide">{picture}</div>{_caption(run, report)}</figure>'
 
 
-def _small(trace: Trace, report: ReportData) -> str:
+def _small(run: Missed, report: ReportData) -> str:
     """The output that is missed most, its residual, the first input."""
-    j = worst_output(report, trace)
+    trace, j = run.trace, worst_output(report, run.trace)
     panels = [_output(trace, j, report, 120), *_residuals(trace, j, report, 50), *_inputs(trace, report, 45)[:1]]
     picture = figure(panels, axis(TIME, report.units), _called(trace, report))
-    return f"<figure>{picture}{_caption(trace, report)}</figure>"
+    return f"<figure>{picture}{_caption(run, report)}</figure>"
 
 
 def _name(names: tuple[str, ...], j: int, letter: str) -> str:

@@ -217,16 +217,9 @@ def _samples(report: ReportData) -> Table:
 
 def _rows(report: ReportData, trace: Trace) -> list[dict[str, Any]]:
     """The samples of one run."""
-    rows = []
-    for k, t in enumerate(trace.t):
-        row: dict[str, Any] = {"run": trace.label, "t": float(t)}
-        if trace.inputs is not None:
-            row.update(zip(report.inputs, map(float, trace.inputs[k])))
-        for j, output in enumerate(report.outputs):
-            row[f"{output} measured"] = float(trace.measured[k, j])
-            row[f"{output} before"] = float(trace.before[k, j])
-            row[f"{output} after"] = float(trace.after[k, j])
-            if trace.law is not None:
-                row[f"{output} with the law"] = float(trace.law[k, j])
-        rows.append(row)
-    return rows
+    runs = {"measured": trace.measured, "before": trace.before, "after": trace.after, "with the law": trace.law}
+    columns = {} if trace.inputs is None else dict(zip(report.inputs, trace.inputs.T))
+    for j, output in enumerate(report.outputs):
+        columns |= {f"{output} {name}": run[:, j] for name, run in runs.items() if run is not None}
+    rows = zip(*(np.asarray(values, float).tolist() for values in (trace.t, *columns.values())))
+    return [{"run": trace.label, **dict(zip(("t", *columns), row))} for row in rows]

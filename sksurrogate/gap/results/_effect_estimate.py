@@ -77,11 +77,8 @@ def circumstances(effect: EffectEstimate) -> str:
     >>> circumstances(EffectEstimate("input_lag", "u", None, 1.0, {}, {}, 1.0, runs=("a", "c"), before=0.0))
     ", in runs 'a', 'c', from 0 before every run"
     """
-    where = (
-        ""
-        if effect.runs is None
-        else f", in {'run' if len(effect.runs) == 1 else 'runs'} {', '.join(map(repr, effect.runs))}"
-    )
+    runs = effect.runs
+    where = "" if runs is None else f", in {'run' if len(runs) == 1 else 'runs'} {', '.join(map(repr, runs))}"
     return where + ("" if effect.before is None else f", from {effect.before:g} before every run")
 
 

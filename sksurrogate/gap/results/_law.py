@@ -73,11 +73,16 @@ class Law:
         return not self.is_curve and not any(term.factors for term in self.effect.terms)
 
     @property
+    def _theta(self) -> list[float]:
+        """Its parameters in the order of the effect."""
+        return [self.params[p.name] for p in self.effect.parameters]
+
+    @property
     def forms(self) -> dict[str, str]:
         """Terms of a law in a balance that have the form of an effect of the catalogue, as they are written, and its name."""
         if self.is_curve or self.kind != "state":
             return {}
-        filled = self.effect.filled([self.params[p.name] for p in self.effect.parameters])
+        filled = self.effect.filled(self._theta)
         named = ((equation_of([term], [float(c)]), form_of(term, float(c))) for c, term in filled)
         return {text: name for text, name in named if name is not None}
 
@@ -107,8 +112,7 @@ class Law:
             sympy is not installed.
         """
         sympy = require("sympy", "sympy")
-        theta = [self.params[p.name] for p in self.effect.parameters]
-        return sum((float(c) * term.symbolic(sympy) for c, term in self.effect.filled(theta)), sympy.Integer(0))
+        return sum((float(c) * term.symbolic(sympy) for c, term in self.effect.filled(self._theta)), sympy.Integer(0))
 
     def to_effect(self) -> Any:
         """An effect for ``GapDiagnoser(effects=[...])`` and ``AugmentedSimulator``; saved as text like any of the catalogue."""
@@ -126,5 +130,4 @@ class Law:
             Time since the start of the run.
         """
         arrays = {name: np.asarray(z, dtype=float) for name, z in signals.items()}
-        theta = [self.params[p.name] for p in self.effect.parameters]
-        return np.asarray(self.effect.added(arrays, t, theta))
+        return np.asarray(self.effect.added(arrays, t, self._theta))

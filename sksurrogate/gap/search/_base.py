@@ -72,8 +72,6 @@ class BaseSearch(ABC, Generic[C]):
     judged: dict[C, Evidence[C]] = field(default_factory=dict)
     #: Costs of the simulator as it is given, by the null
     nominal_costs: dict[C, float] = field(default_factory=dict)
-    #: What was computed of laws without a name beside sets of effects
-    laws: dict[Any, dict[Any, Any]] = field(default_factory=dict)
     #: Richer forms that fit no better, by the key of the simpler one
     richer: dict[Any, list] = field(default_factory=dict)
     #: What a simulator raised, by its text: these candidates are lost

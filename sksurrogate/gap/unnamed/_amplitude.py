@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from sksurrogate.gap.fit._linear_set import RANK
+from sksurrogate.gap.fit._normal_equations import scaled
 
 #: Weights of the roughness of a smooth form beside its movement.
 SMOOTH_BESIDE = (1.0, 30.0, 1000.0)
@@ -51,10 +52,9 @@ def known_to_rounding(G: np.ndarray) -> bool:
     >>> known_to_rounding(100.0 * (near + [[0.0, 0.2], [0.2, 0.0]]))
     False
     """
-    scale = np.sqrt(np.maximum(np.diag(G), 1e-300))
     if not np.isfinite(G).all():
         return False
-    return bool(0.5 * G[0, 0] * np.linalg.eigvalsh(G / np.outer(scale, scale))[0] > -KNOWN_TO)
+    return bool(0.5 * G[0, 0] * np.linalg.eigvalsh(scaled(G)[0])[0] > -KNOWN_TO)
 
 
 def prior_roots(metric: np.ndarray, rough: np.ndarray | None) -> list[np.ndarray]:
@@ -68,8 +68,7 @@ def prior_roots(metric: np.ndarray, rough: np.ndarray | None) -> list[np.ndarray
     """
     if not np.isfinite(metric).all() or np.max(np.diag(metric)) <= 0.0:
         return []
-    scale = np.sqrt(np.maximum(np.diag(metric), 1e-12 * max(float(np.max(np.diag(metric))), 1e-300)))
-    unit = metric / np.outer(scale, scale)
+    unit, scale = scaled(metric, 1e-12 * max(float(np.max(np.diag(metric))), 1e-300))
     values, vectors = np.linalg.eigh(unit)
     kept = values > RANK * values[-1]
     white = vectors[:, kept] / np.sqrt(values[kept]) / scale[:, None]  # every direction moves as much

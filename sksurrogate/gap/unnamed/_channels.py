@@ -50,7 +50,7 @@ class Channels(ABC, Generic[C]):
         """The formulae of most worth at a place, the best first."""
         channel = self.at(location, kind)
         if channel is not None and (location, kind) not in self._drafts:
-            self._drafts[location, kind] = drafts_at(channel, self.drivers(channel))
+            self._drafts[location, kind] = drafts_at(self.drivers(channel))
         return self._drafts.get((location, kind), [])
 
     @property
@@ -74,4 +74,4 @@ class Channels(ABC, Generic[C]):
         changes = [row["start"] for row in table[1:] if row["kind"] == "change"] if np.ptp(first) == 0 else []
         moments = [float(first[0] + moment) for moment in changes]
         drivers = self.drivers(channel, moments)
-        return shape_of(channel, drivers, drafts_at(channel, drivers) if moments else self.drafts(location, kind))
+        return shape_of(drivers, drafts_at(drivers) if moments else self.drafts(location, kind))

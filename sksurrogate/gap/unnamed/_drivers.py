@@ -20,11 +20,9 @@ TIME_CONSTANTS, LONGEST_PAST = (3.0, 10.0, 30.0, 100.0), 0.25
 
 @dataclass(frozen=True, eq=False)
 class Drivers:
-    """Signals that may drive a law at a place."""
+    """Signals that may drive a law at the place of a channel."""
 
-    #: location, kind: The place: a state (its balance), an input, a parameter or an output (its sensor)
-    location: str
-    kind: str
+    channel: Channel  #: At a state (its balance), an input, a parameter or an output (its sensor)
     signals: Mapping[str, np.ndarray]  #: (n_samples,): by name; "lag(v)" is the recent past of v
     late: Mapping[str, float]  #: Time constants of those, whose names end with a mark behind "#"
     #: (n_samples,): the same at the end of each sample, where a law acts over samples
@@ -33,8 +31,9 @@ class Drivers:
     along: Sequence[str] = ()
     changes: Sequence[float] = ()  #: Times at which a law may begin
 
-    def values(self, terms: Sequence[Term], record: Record) -> np.ndarray:
+    def values(self, terms: Sequence[Term]) -> np.ndarray:
         """Terms along the path (n_terms, n_samples); their means over each sample, by both ends, where they act over samples."""
+        record = self.channel.record
         out = np.empty((len(terms), record.n_samples))
         with np.errstate(all="ignore"):
             for k, term in enumerate(terms):
@@ -43,6 +42,10 @@ class Drivers:
                     out[k] = 0.5 * (out[k] + term.value(self.ends, record.t))
         return out
 
+    def responses(self, terms: Sequence[Term]) -> np.ndarray:
+        """What terms move the outputs by: (n_outputs, n_terms, n_samples)."""
+        return self.channel.respond(self.values(terms))
+
     def allows(self, terms: Sequence[Term]) -> bool:
         """Whether an effect can hold these terms: one recent past with its own signal; along a path one signal more."""
         names = {factor[1] for term in terms for factor in term.factors}
@@ -50,7 +53,8 @@ class Drivers:
         plain = {signal for name in names - late for signal in signal_names(name)} - {"t"}
         if late and (len(late) > 1 or plain - {past_name(next(iter(late)))}):
             return False
-        return self.kind in ("state", "parameter") or self.at_port(plain) or len(plain - {self.location}) < 2
+        location, kind = self.channel.location, self.channel.kind
+        return kind in ("state", "parameter") or self.at_port(plain) or len(plain - {location}) < 2
 
     def time_constant(self, terms: Sequence[Term]) -> float | None:
         """Of the recent past that a formula holds; None where it holds none."""
@@ -58,8 +62,9 @@ class Drivers:
 
     def at_port(self, names: set[str]) -> bool:
         """Whether a law of some signals acts at a port: it has a state among them, or the port is none of the inputs."""
-        further = self.location not in self.along
-        return self.kind == "input" and (further or bool(names - set(self.along) - {f"lag({self.location})"}))
+        location, kind = self.channel.location, self.channel.kind
+        further = location not in self.along
+        return kind == "input" and (further or bool(names - set(self.along) - {f"lag({location})"}))
 
     def effect(self, terms: Sequence[Term], values: np.ndarray, free: bool) -> AnyLaw:
         """A formula as an effect: coefficients, constants where they are ``free``, the time constant of a recent past."""
@@ -67,8 +72,8 @@ class Drivers:
         names = {name for term in terms for name in term.variables}
         numbers = tuple(map(float, values))
         if self.at_port(names):
-            return LawEffect(self.location, "*".join(sorted(names)) or None, terms, numbers, free)
-        return law_effect(self.kind, self.location, terms, numbers, free)
+            return LawEffect(self.channel.location, "*".join(sorted(names)) or None, terms, numbers, free)
+        return law_effect(self.channel.kind, self.channel.location, terms, numbers, free)
 
     @property
     def moving(self) -> list[str]:
@@ -99,7 +104,7 @@ def drivers_at(base: OdeCandidate, channel: Channel, changes: Sequence[float]) -
     plant, record, location, kind = problem.plant, channel.record, channel.location, channel.kind
     assert channel.x is not None
     if kind == "output":
-        return Drivers(location, kind, dict(zip(plant.outputs, base.fit.y)), {}, changes=changes)
+        return Drivers(channel, dict(zip(plant.outputs, base.fit.y)), {}, changes=changes)
     states, inputs = dict(zip(plant.states, channel.x)), dict(zip(plant.inputs, record.u))
     if kind == "input":
         states = states if channel.n_moved > 1 or location not in inputs else {}
@@ -112,7 +117,7 @@ def drivers_at(base: OdeCandidate, channel: Channel, changes: Sequence[float]) -
         held = set(plant.inputs) if plant.hold == "zoh" else set()
     now = {**signals, **{name: z for name, (z, _) in past.items()}}
     ends = {name: z if name in held else at_end(record, z[None])[0] for name, z in now.items()} if states else None
-    return Drivers(location, kind, now, {name: c for name, (_, c) in past.items()}, ends, plant.inputs, changes)
+    return Drivers(channel, now, {name: c for name, (_, c) in past.items()}, ends, plant.inputs, changes)
 
 
 def _past(record: Record, signals: Mapping[str, np.ndarray]) -> dict[str, tuple[np.ndarray, float]]:

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -148,16 +149,12 @@ class Beam:
 
     def apart(self, ranked: Sequence[tuple[int, ...]], most: int) -> list[tuple[int, ...]]:
         """The best of every structure."""
-        seen: set = set()
-        out = []
+        first: dict[Any, tuple[int, ...]] = {}
         for chosen in ranked:
-            form = structure([self.library.terms[k] for k in chosen])
-            if form not in seen:
-                seen.add(form)
-                out.append(chosen)
-            if len(out) == most:
+            first.setdefault(structure([self.library.terms[k] for k in chosen]), chosen)
+            if len(first) == most:
                 break
-        return out
+        return list(first.values())
 
     def grown(self, chosen: tuple[int, ...], most: int | None = 4 * TRIED) -> dict[tuple[int, ...], float]:
         """A formula with one term more, the best by what all of it is worth; every structure of the new term once."""

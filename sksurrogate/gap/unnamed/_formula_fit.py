@@ -39,12 +39,12 @@ class FittedLaw:
     @property
     def location(self) -> str:
         """Where it stands."""
-        return self.drivers.location
+        return self.drivers.channel.location
 
     @property
     def kind(self) -> str:
         """Kind of that place."""
-        return self.drivers.kind
+        return self.drivers.channel.kind
 
     @property
     def effect(self) -> AnyLaw:
@@ -71,22 +71,19 @@ def fitted_laws(
         if channel is None:
             continue
         drivers = channels.drivers(channel)
-        drafts = [
-            one
-            for one in channels.drafts(location, kind)
-            if search.carries(drivers.effect(one.terms, one.values, True))
-        ]
+        found = channels.drafts(location, kind)
+        drafts = [one for one in found if search.carries(drivers.effect(one.terms, one.values, True))]
         if not drafts:
             continue
         best = max([best, *(draft.level for draft in drafts)])
         near = [draft for draft in drafts if draft.level > best - OUT_OF_REACH]
         chosen = near[:FITTED_ELSEWHERE] if rank else [*near[:FITTED_HERE], *simplest(drafts)[:FITTED_HERE]]
-        curve = None if rank else curve_at(channel, drivers, drafts)
+        curve = None if rank else curve_at(drivers, drafts)
         for draft in dict.fromkeys([*chosen, *([] if curve is None else [curve])]):
             fitted = fitted_draft(search, base, channel.x, draft, drivers)
             if fitted is not None:
-                found = Evidence(fitted, base.noise, -np.inf)
-                fits.append(FittedLaw(found, drivers, draft.price, draft is curve))
+                unjudged = Evidence(fitted, base.noise, -np.inf)
+                fits.append(FittedLaw(unjudged, drivers, draft.price, draft is curve))
     laws = ranked_laws(search, base, fits)
     if not laws:
         return []

@@ -20,7 +20,6 @@ import numpy as np
 from sksurrogate.effects._formula import Term
 from sksurrogate.gap.fit._ode import REACH
 from sksurrogate.gap.fit._pushes import STEP_OF_SLOPES
-from sksurrogate.gap.unnamed._channel import Channel
 from sksurrogate.gap.unnamed._drivers import Drivers
 from sksurrogate.gap.unnamed._grammar import price_of, structure
 from sksurrogate.kernels.disturbance import Noise
@@ -62,12 +61,11 @@ class Draft:
 class Regression:
     """A residual explained by parameters of the simulator and by terms, under one noise."""
 
-    channel: Channel
     drivers: Drivers
     noise: Noise
 
     def __post_init__(self) -> None:
-        channel = self.channel
+        self.channel = channel = self.drivers.channel
         known = channel.linear.known
         self.factor = channel.D.factor(self.noise)
         self.base = self.weights(known)  # S^-1 [r, J]
@@ -81,14 +79,6 @@ class Regression:
             self.channel.D.weighted(columns, self.noise, self.factor).transpose(1, 0, 2).reshape(columns.shape[1], -1)
         )
 
-    def responses(self, terms: Sequence[Term]) -> np.ndarray:
-        """What terms move the outputs by: (n_outputs, n_terms, n_samples)."""
-        return self.channel.respond(self.values(terms))
-
-    def values(self, terms: Sequence[Term]) -> np.ndarray:
-        """Terms along the path (n_terms, n_samples)."""
-        return self.drivers.values(terms, self.channel.record)
-
     def solved(self, J: np.ndarray) -> tuple[float, np.ndarray, float]:
         """Nats that columns J explain beside the parameters, their weights, the parameters first, and a log determinant."""
         both = self.channel.linear.beside(J)
@@ -101,7 +91,7 @@ class Regression:
 
     def judged(self, draft: Draft) -> Draft:
         """Coefficients and worth of a formula with its constants as they are."""
-        nats, theta, log_det = self.solved(self.responses(draft.terms))
+        nats, theta, log_det = self.solved(self.drivers.responses(draft.terms))
         price = price_of(draft.terms, self.n_drivers)
         own = theta[len(self.channel.linear.precision) :]
         cost = price + self.half_log * len(draft.values)
@@ -117,23 +107,19 @@ class Regression:
         spread = max(float(np.std(z)) for z in self.drivers.signals.values())
         unit = np.maximum(np.abs(constants), 0.1 * spread if any(constants == 0) else 1e-12)
         for _ in range(most_steps):
-            J = self.responses(draft.terms)
+            J = self.drivers.responses(draft.terms)
             slopes = self.slopes(draft, constants, unit)
             if not np.isfinite(slopes).all():
                 break
             _, theta, _ = self.solved(np.concatenate([J, slopes], axis=1))
             step = np.clip(theta[len(theta) - len(constants) :], -REACH * unit, REACH * unit)
-            better = None
-            for halving in range(HALVINGS):
-                trial = np.clip(constants + step / 4.0**halving, low, high)
-                other = self.judged(replace(draft, terms=_at(draft.terms, trial)))
-                if other.nats > draft.nats:
-                    better = other, trial
-                    break
-            if better is None:
+            trials = [np.clip(constants + step / 4.0**halving, low, high) for halving in range(HALVINGS)]
+            judged = ((self.judged(replace(draft, terms=_at(draft.terms, trial))), trial) for trial in trials)
+            better, there = next((one for one in judged if one[0].nats > draft.nats), (draft, constants))
+            if better is draft:
                 break
-            gained = better[0].nats - draft.nats
-            draft, constants = better
+            gained = better.nats - draft.nats
+            draft, constants = better, there
             unit = np.maximum(np.abs(constants), 0.1 * unit)
             if gained < 0.05:
                 break
@@ -141,21 +127,17 @@ class Regression:
 
     def slopes(self, draft: Draft, constants: np.ndarray, unit: np.ndarray) -> np.ndarray:
         """Sensitivities of the outputs in the constants (n_outputs, n_constants, n_samples)."""
-        here = draft.coefficients @ self.values(draft.terms)
+        here = draft.coefficients @ self.drivers.values(draft.terms)
         moved = []
         for k, size in enumerate(unit):
             other = constants.copy()
             other[k] += STEP_OF_SLOPES * size
-            there = draft.coefficients @ self.values(_at(draft.terms, other))
+            there = draft.coefficients @ self.drivers.values(_at(draft.terms, other))
             moved.append((there - here) / (STEP_OF_SLOPES * size))
         return self.channel.respond(np.stack(moved))
 
 
 def _at(terms: Sequence[Term], constants: np.ndarray) -> tuple[Term, ...]:
     """The same terms with other constants."""
-    out, left = [], list(map(float, constants))
-    for term in terms:
-        n = len(term.constants)
-        out.append(term.at(left[:n]))
-        left = left[n:]
-    return tuple(out)
+    left = iter(constants.tolist())
+    return tuple(term.at([next(left) for _ in term.constants]) for term in terms)

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from sksurrogate.effects._formula import Term
-from sksurrogate.gap.unnamed._channel import Channel
 from sksurrogate.gap.unnamed._drivers import Drivers
 from sksurrogate.gap.unnamed._formula_beam import Beam
 from sksurrogate.gap.unnamed._formula_regression import Draft, Regression
@@ -26,7 +25,7 @@ REPEATED = 1e-3
 SPLINE_PIECES, EDGE = 10, 0.002
 
 
-def drafts_at(channel: Channel, drivers: Drivers) -> list[Draft]:
+def drafts_at(drivers: Drivers) -> list[Draft]:
     """The formulae of most worth at a place, best first, each structure once.
 
     First under the noise in which a free signal explains the gap, then under the noise that the best formula leaves; at last each of
@@ -34,13 +33,13 @@ def drafts_at(channel: Channel, drivers: Drivers) -> list[Draft]:
     """
     if not drivers.moving:
         return []
-    library = Library.of(channel, drivers)
+    library = Library.of(drivers)
     if not len(library.terms):
         return []
     found: dict[Any, Draft] = {}
-    noise = channel.noise
+    noise = drivers.channel.noise
     for first in (True, False):
-        regression = Regression(channel, drivers, noise)
+        regression = Regression(drivers, noise)
         try:
             drafts = Beam(regression, library).drafts(small=first)
         except np.linalg.LinAlgError:
@@ -49,8 +48,8 @@ def drafts_at(channel: Channel, drivers: Drivers) -> list[Draft]:
             found[draft.structure] = draft  # those of the second round are judged under the better noise
         if not drafts:
             break
-        noise = noise_beside(channel, drivers, drafts[0])
-    final = Regression(channel, drivers, noise)
+        noise = noise_beside(drivers, drafts[0])
+    final = Regression(drivers, noise)
     judged = [draft for draft in map(final.judged, found.values()) if np.isfinite(draft.worth)]
     ranked = sorted(judged, key=lambda draft: -draft.worth)
     kept: list[Draft] = []
@@ -58,9 +57,9 @@ def drafts_at(channel: Channel, drivers: Drivers) -> list[Draft]:
         if not any(set(other.structure) < set(draft.structure) for other in kept):
             kept.append(draft)
     best = dict.fromkeys([*simplest(kept), *kept[:MOST_JUDGED]])
-    alone = [under_its_own_noise(channel, drivers, draft) for draft in best]
+    alone = [under_its_own_noise(drivers, draft) for draft in best]
     ranked = [*sorted(alone, key=lambda draft: -draft.level), *(draft for draft in kept if draft not in best)]
-    return without_repeats(ranked, [one.coefficients @ drivers.values(one.terms, channel.record) for one in ranked])
+    return without_repeats(ranked, [one.coefficients @ drivers.values(one.terms) for one in ranked])
 
 
 def without_repeats(drafts: Sequence[Draft], values: Sequence[np.ndarray]) -> list[Draft]:
@@ -88,18 +87,18 @@ def simplest(ranked: Sequence[Draft]) -> list[Draft]:
     return front
 
 
-def noise_beside(channel: Channel, drivers: Drivers, draft: Draft) -> Noise:
+def noise_beside(drivers: Drivers, draft: Draft) -> Noise:
     """The noise that a formula leaves."""
-    return channel.settled(channel.respond(drivers.values(draft.terms, channel.record)))
+    return drivers.channel.settled(drivers.responses(draft.terms))
 
 
-def under_its_own_noise(channel: Channel, drivers: Drivers, draft: Draft) -> Draft:
+def under_its_own_noise(drivers: Drivers, draft: Draft) -> Draft:
     """A formula judged, and its constants fitted, under the noise that it leaves."""
-    own = Regression(channel, drivers, noise_beside(channel, drivers, draft))
+    own = Regression(drivers, noise_beside(drivers, draft))
     return own.refined(own.judged(draft))
 
 
-def curve_at(channel: Channel, drivers: Drivers, drafts: Sequence[Draft]) -> Draft | None:
+def curve_at(drivers: Drivers, drafts: Sequence[Draft]) -> Draft | None:
     """A smooth curve of the driver that the best formula holds: cubic B-splines over the range that it covers."""
     names = [name for draft in drafts for term in draft.terms for name in term.variables if name in drivers.signals]
     names += drivers.present
@@ -112,5 +111,5 @@ def curve_at(channel: Channel, drivers: Drivers, drafts: Sequence[Draft]) -> Dra
     step = (high - low) / (SPLINE_PIECES - 3)
     centres = low + step * np.arange(-1, SPLINE_PIECES - 1)
     terms = tuple(Term((("spline", names[0], float(c), 0.0, float(step)),)) for c in centres)
-    noise = noise_beside(channel, drivers, drafts[0]) if drafts else channel.noise
-    return Regression(channel, drivers, noise).judged(Draft(terms, np.zeros(len(terms)), None))
+    noise = noise_beside(drivers, drafts[0]) if drafts else drivers.channel.noise
+    return Regression(drivers, noise).judged(Draft(terms, np.zeros(len(terms)), None))

@@ -14,8 +14,9 @@ Kennedy, O'Hagan, *Bayesian calibration of computer models*, J. R. Statist. Soc.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
+from operator import attrgetter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -76,21 +77,12 @@ class LawQuestion:
     #: without a name: a form of one function, and, up to the tolerance, a law of its place and signal that is larger than the tolerance
     instead: OdeCandidate | None = None
 
-    @property
-    def key(self) -> tuple[Any, ...]:
-        """The same for questions that differ in noises and seeds alone."""
-        sets = (None if one is None else (one.keys, one.fit.theta.tobytes()) for one in (self.candidate, self.instead))
-        return *sets, self.path is None, (self.candidate.fit.x if self.path is None else self.path).tobytes(), self.bare
 
-
-def law_beside(
-    asked: LawQuestion, unit: float, tolerance: float, known: dict[Any, Any] | None = None
-) -> LawBeside | None:
+def law_beside(asked: LawQuestion, unit: float, tolerance: float) -> LawBeside | None:
     """The likeliest law beside a set of effects; None where the path cannot be followed.
 
     ``unit``: RMS of the gap over the noise: the size that counts as one.
     ``tolerance``: size of a law that is small.
-    ``known``: what earlier questions of the same key have computed; new answers are added.
     """
     candidate, x, instead = asked.candidate, asked.path, asked.instead
     if x is None:
@@ -101,11 +93,11 @@ def law_beside(
         return None
     named = frozenset(map(place_and_signal, candidate.effects))
     own = None if instead is None else carried(instead, candidate, linear.base, x[: candidate.model.n_nominal])[:, 0]
-    fit = _Fit(linear, unit, tolerance, named, {} if known is None else known, own)
+    fit = _Fit(linear, asked.noises, unit, tolerance, named, own)
     try:
-        best = fit.best(asked.noises, asked.seeds)
+        best = fit.best(asked.seeds)
         if instead is not None and fit.is_the_effect_again(best, instead.effects):
-            best = replace(fit, barred=fit.candidates[best.k].place).best(asked.noises, asked.seeds)
+            best = fit.best(asked.seeds, barred=fit.candidates[best.k].place)
     except np.linalg.LinAlgError:
         return None
     return fit.result(best, max(linear.log_likelihood(noise) for noise in asked.noises))
@@ -128,20 +120,24 @@ class _Found(NamedTuple):
     k: int
     f: int
 
+    @property
+    def total(self) -> float:
+        """Log evidence with a law of any size."""
+        return float(np.logaddexp(self.small, self.large))
+
 
 @dataclass(frozen=True, eq=False)
 class _Fit:
     """A residual explained by the parameters of a set and by one of many laws."""
 
     linear: LinearSet[OdeCandidate]
+    noises: Sequence[Noise]
     unit: float
     tolerance: float
     named: frozenset[tuple[str, str]]
-    known: dict[Any, Any]
     #: (n_outputs, n_samples): what the effect moves the outputs by in whose place the law stands
     instead: np.ndarray | None = None
     made: dict[int, list[list[np.ndarray]]] = field(default_factory=dict)
-    barred: tuple[str, str] | None = None  #: Place and signal whose law is the effect in whose place it stands
 
     @cached_property
     def candidates(self) -> list[PlacedSignal]:
@@ -165,38 +161,42 @@ class _Fit:
         """Prior weights of the sizes of a small and of a large law, (2, n_sizes)."""
         return small_and_large(LAW_SIZES, self.tolerance)
 
-    def best(self, noises: Sequence[Noise], seeds: Sequence[tuple[int, int]]) -> _Found:
+    def best(self, seeds: Sequence[tuple[int, int]], barred: tuple[str, str] | None = None) -> _Found:
         """The likeliest law: of those that are likeliest under each noise, and of those that were likeliest beside other sets.
 
         The noise is fitted beside the likeliest law under each noise; then beside the likeliest other under the noise of the best, as long as
         another leads.
+
+        ``barred``: place and signal whose law is the effect in whose place it stands.
         """
-        picks = self.likeliest(noises)
-        best = max((self.refined(k, f, noise) for (k, f), noise in zip(picks, noises)), key=_of_any_size)
-        others = {*picks, *((k, form) for k, f in seeds for form in self.relatives(k, f))} - {(best.k, best.f)}
+        picks = [self.first(evidence, barred) for evidence in self.compared]
+        best = max((self.refined(k, f, noise) for (k, f), noise in zip(picks, self.noises)), key=attrgetter("total"))
+        others = {*picks, *((k, form) for k, f in seeds for form in self.relatives(k, f, barred))} - {(best.k, best.f)}
         while others:
-            first = max((self.under(k, f, best.noise) for k, f in sorted(others)), key=_of_any_size)
+            first = max((self.under(k, f, best.noise) for k, f in sorted(others)), key=attrgetter("total"))
             others.remove((first.k, first.f))
             first = self.refined(first.k, first.f, best.noise)
-            if _of_any_size(first) <= _of_any_size(best):
+            if first.total <= best.total:
                 break
             best = first
         return best
 
     def under(self, k: int, f: int, noise: Noise) -> _Found:
         """Form f of law k under a noise."""
-        return self.found(k, f, self.candidates[k].moved()[:, self.candidates[k].signal.forms[f].functions], noise)
+        return self.found(k, f, self.columns(k, f), noise)
+
+    def columns(self, k: int, f: int) -> np.ndarray:
+        """What the functions of form f of law k move the outputs by."""
+        law = self.candidates[k]
+        return law.moved()[:, law.signal.forms[f].functions]
 
     def is_the_effect_again(self, one: _Found, whole: Sequence[BaseEffect]) -> bool:
         """Whether a law larger than the tolerance moves the outputs as the effect of this place and signal does in whose place it stands.
 
         Up to the tolerance. ``whole``: the set with this effect.
         """
-        if (
-            self.instead is None
-            or one.size < self.tolerance
-            or self.candidates[one.k].place not in map(place_and_signal, whole)
-        ):
+        its_own = self.candidates[one.k].place in map(place_and_signal, whole)
+        if self.instead is None or one.size < self.tolerance or not its_own:
             return False
         own, law = self.linear.projected(np.stack([self.instead, self.moved(one)], axis=1))
         cosine = abs(float(own @ law)) / max(float(np.linalg.norm(own) * np.linalg.norm(law)), 1e-300)
@@ -204,31 +204,22 @@ class _Fit:
 
     def moved(self, one: _Found) -> np.ndarray:
         """What a law with its weights moves the outputs by, (n_outputs, n_samples)."""
-        law = self.candidates[one.k]
-        weights = one.theta[self.linear.J.shape[1] :]
-        return np.einsum("okt,k->ot", law.moved()[:, law.signal.forms[one.f].functions], weights)
+        return np.einsum("okt,k->ot", self.columns(one.k, one.f), one.theta[self.linear.J.shape[1] :])
 
-    def likeliest(self, noises: Sequence[Noise]) -> list[tuple[int, int]]:
-        """Law and form of most evidence under each noise."""
-        own = [noise.pack().tobytes() for noise in noises]
-        new = {key: noise for key, noise in zip(own, noises) if key not in self.known}
-        if new:
-            self.known.update(zip(new, self.compared(list(new.values()))))
-        return [self.first(self.known[key]) for key in own]
-
-    def first(self, evidence: list[list[float]]) -> tuple[int, int]:
+    def first(self, evidence: list[list[float]], barred: tuple[str, str] | None) -> tuple[int, int]:
         """Law and form of most evidence, the first of equal ones; none at the place that is barred."""
         best, at = -np.inf, (0, 0)
         for k, forms in enumerate(evidence):
             for f, top in enumerate(forms):
-                if top > best + 1e-9 and self.candidates[k].place != self.barred:
+                if top > best + 1e-9 and self.candidates[k].place != barred:
                     best, at = top, (k, f)
         return at
 
-    def compared(self, noises: Sequence[Noise]) -> list[list[list[float]]]:
+    @cached_property
+    def compared(self) -> list[list[list[float]]]:
         """Evidence of every form of every law, under each noise: what the laws move the outputs by is computed once for all noises."""
-        grams = [self.linear.D.grams_beside(self.linear.known, noise) for noise in noises]
-        evidence: list[list[list[float]]] = [[] for _ in noises]
+        grams = [self.linear.D.grams_beside(self.linear.known, noise) for noise in self.noises]
+        evidence: list[list[list[float]]] = [[] for _ in self.noises]
         for a in range(0, len(self.candidates), LAWS_IN_BLOCK):
             check_time()
             moved = [law.moved() for law in self.candidates[a : a + LAWS_IN_BLOCK]]
@@ -293,9 +284,9 @@ class _Fit:
                 best = np.log(small + large) + top, (_log(small) + top, _log(large) + top), posterior, root
         return best[1], best[2], best[3]
 
-    def relatives(self, k: int, f: int) -> list[int]:
+    def relatives(self, k: int, f: int, barred: tuple[str, str] | None = None) -> list[int]:
         """A form of a law, and those that contain its functions and one more; none where this set has no such law."""
-        if k >= len(self.candidates) or self.candidates[k].place == self.barred:
+        if k >= len(self.candidates) or self.candidates[k].place == barred:
             return []
         forms = [set(form.functions.tolist()) for form in self.candidates[k].signal.forms]
         if f >= len(forms):
@@ -330,15 +321,7 @@ class _Fit:
 
     def refined(self, k: int, f: int, start: Noise) -> _Found:
         """One form with the noise fitted beside it: in turn the noise beside the law's one sum, and the law under the noise."""
-        key = "refined", k, f, start.pack().tobytes()
-        if key not in self.known:
-            self.known[key] = self._refined(k, f, start)
-        return self.known[key]
-
-    def _refined(self, k: int, f: int, start: Noise) -> _Found:
-        """The same, computed."""
-        law = self.candidates[k]
-        F, n = law.moved()[:, law.signal.forms[f].functions], self.linear.J.shape[1]
+        F, n = self.columns(k, f), self.linear.J.shape[1]
         now = self.found(k, f, F, start)
         for _ in range(TURNS):
             moved = np.einsum("okt,k->ot", F, now.theta[n:])[:, None]
@@ -354,7 +337,7 @@ class _Fit:
         weight = np.exp(one.large - np.logaddexp(small, one.large)) if one.small < alone else 1.0
         size = float(one.size * weight)
         spread = float(np.sqrt(weight * (one.spread**2 + one.size**2) - size**2))  # of the law's size or of none at all
-        gain = 2.0 * (_of_any_size(one) - alone)
+        gain = 2.0 * (one.total - alone)
         F = self.moved(one)
         moved = record.rms(self.linear.projected(F[:, None]).reshape(F.shape)) * sd
         deviation = float(np.max(moved / record.spread))
@@ -365,11 +348,6 @@ class _Fit:
         probability = float(np.exp(large - np.logaddexp(small, large)))
         left = LawLeft(law.location, law.kind, law.signal.variable, size, spread, gain, deviation, probability, rms)
         return LawBeside(small, large, (one.k, one.f), left)
-
-
-def _of_any_size(one: _Found) -> float:
-    """Log evidence with a law of any size."""
-    return float(np.logaddexp(one.small, one.large))
 
 
 def _log(value: float) -> float:

@@ -30,12 +30,13 @@ WORTH_OF_PARAMETER = 0.01
 LEAST_TERM_EXPLAINED = 0.05
 
 
-def shape_of(channel: Channel, drivers: Drivers, drafts: Sequence[Draft]) -> MissingTerm:
+def shape_of(drivers: Drivers, drafts: Sequence[Draft]) -> MissingTerm:
     """The term at a place against each variable with 90 % bands, and the formulae that come close to it.
 
     ``drivers``: signals that the formulae hold, and the place.
     ``drafts``: formulae at the place, the best first.
     """
+    channel = drivers.channel
     fold, whole = run_folds(channel.record), channel.force()
     curves = []
     for name, z in channel.signals.items():
@@ -47,17 +48,16 @@ def shape_of(channel: Channel, drivers: Drivers, drafts: Sequence[Draft]) -> Mis
     curves.sort(key=lambda curve: -curve.explained)
     listed = []
     for draft in [draft for draft in drafts if draft.worth > 0.0][: 2 * MOST_LAWS]:
-        values = drivers.values(draft.terms, channel.record)
+        values = drivers.values(draft.terms)
         share = _explained(channel, values, channel.respond(values), whole, fold)
         if share > LEAST_TERM_EXPLAINED:
             listed.append((share, draft))
     # A parameter more must be worth it on runs left out.
     listed.sort(key=lambda item: -(item[0] - WORTH_OF_PARAMETER * len(item[1].values)))
-    shares = [share for share, _ in listed[:MOST_LAWS]]
     laws = [drivers.effect(draft.terms, draft.coefficients_alone, False) for _, draft in listed[:MOST_LAWS]]
-    texts = tuple(f"{law.text()}  (explains {100 * share:.0f} %)" for share, law in zip(shares, laws))
-    effects = () if drivers.kind == "output" else tuple(laws)
-    return MissingTerm(drivers.location, drivers.kind, tuple(curves), texts, effects)
+    texts = tuple(f"{law.text()}  (explains {100 * share:.0f} %)" for (share, _), law in zip(listed, laws))
+    effects = () if channel.kind == "output" else tuple(laws)
+    return MissingTerm(channel.location, channel.kind, tuple(curves), texts, effects)
 
 
 def _curve(channel: Channel, name: str, z: np.ndarray, whole: np.ndarray, fold: np.ndarray) -> Curve:

@@ -22,28 +22,6 @@ from sksurrogate.kernels.integrate import state_jacobian
 from sksurrogate.kernels.record import Record
 
 
-def channel_of(null: OdeCandidate, location: str, kind: str) -> Channel:
-    """The null with one free signal at a place, linearised about the path that it gives.
-
-    ``null``: the simulator, free parameters re-tuned.
-    ``location, kind``: state, input, output or parameter.
-    LinAlgError where no noise can be followed along any path near the data.
-    """
-    null = on_record(null, blocked(null.problem.record))
-    problem = null.problem
-    if sensor_at(null, location, kind) is not None:
-        return _about(null, null.fit.x, location, kind, problem.balances[:1])[0]
-    soft = _soft(problem, null, location, kind)
-    for x in paths(null, replace(problem, balances=soft), problem):
-        try:
-            return _along(null, x, location, kind, soft)
-        except np.linalg.LinAlgError:
-            continue
-    raise np.linalg.LinAlgError(
-        f"the noise model gives no likelihood along any path near the data with a signal at {location!r}"
-    )
-
-
 def _along(null: OdeCandidate, x: np.ndarray, location: str, kind: str, soft: Sequence[str]) -> Channel:
     """The channel about a path, in pieces where the plant is unstable; about the path that it gives, where that is near."""
     problem = null.problem
@@ -120,7 +98,20 @@ class OdeChannels(Channels[OdeCandidate]):
     """Along a right-hand side: in every balance, at every input and sensor."""
 
     def made(self, location: str, kind: str) -> Channel:
-        return channel_of(self.null, location, kind)
+        """Linearised about the first path near the data along which a noise can be followed."""
+        null = on_record(self.null, blocked(self.null.problem.record))
+        problem = null.problem
+        if sensor_at(null, location, kind) is not None:
+            return _about(null, null.fit.x, location, kind, problem.balances[:1])[0]
+        soft = _soft(problem, null, location, kind)
+        for x in paths(null, replace(problem, balances=soft), problem):
+            try:
+                return _along(null, x, location, kind, soft)
+            except np.linalg.LinAlgError:
+                continue
+        raise np.linalg.LinAlgError(
+            f"the noise model gives no likelihood along any path near the data with a signal at {location!r}"
+        )
 
     def drivers(self, channel: Channel, changes: Sequence[float] = ()) -> Drivers:
         return drivers_at(self.null, channel, changes)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from sklearn.tree import DecisionTreeRegressor
@@ -31,24 +32,23 @@ def regions(record: Record, signals: Mapping[str, np.ndarray], w: np.ndarray) ->
     if not np.any(size > 0):
         return Table()
     grow = _half(record)
-    best: tuple[float, DecisionTreeRegressor | None] = (LEAST_GAIN, None)
+    best, gain = None, LEAST_GAIN
     for leaves in LEAVES:
         tree = DecisionTreeRegressor(
             max_leaf_nodes=leaves, min_samples_leaf=max(FEWEST_IN_REGION, len(w) // MOST_REGIONS), random_state=0
         ).fit(Z[grow], size[grow])
         total = float(np.sum((size[~grow] - size[grow].mean()) ** 2))
         explained = 1.0 - float(np.sum((size[~grow] - tree.predict(Z[~grow])) ** 2)) / max(total, 1e-300)
-        if explained > best[0] + (FURTHER_GAIN if best[1] is not None else 0.0):
-            best = (explained, tree)
-    power = w**2 / np.sum(w**2)
-    if best[1] is None:
+        if explained > gain + (FURTHER_GAIN if best is not None else 0.0):
+            best, gain = tree, explained
+    if best is None:
         return Table(({"rule": "everywhere", "share": 1.0, "samples": 1.0},))
-    leaf = best[1].apply(Z)
-    rows = [
+    power, leaf = w**2 / np.sum(w**2), best.apply(Z)
+    rows: list[dict[str, Any]] = [
         {"rule": rule, "share": float(power[leaf == node].sum()), "samples": float(np.mean(leaf == node))}
-        for node, rule in _rules(best[1], list(signals)).items()
+        for node, rule in _rules(best, list(signals)).items()
     ]
-    rows.sort(key=lambda row: -float(str(row["share"])) / max(float(str(row["samples"])), 1e-9))
+    rows.sort(key=lambda row: -row["share"] / max(row["samples"], 1e-9))
     return Table(tuple(rows))
 
 

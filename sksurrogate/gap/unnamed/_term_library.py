@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from sksurrogate.effects._formula import Term
-from sksurrogate.gap.unnamed._channel import Channel
 from sksurrogate.gap.unnamed._drivers import Drivers
 from sksurrogate.gap.unnamed._grammar import terms_of
 from sksurrogate.gap.unnamed._waves import waves_of
@@ -29,12 +28,10 @@ class Library:
     columns: np.ndarray
 
     @classmethod
-    def of(cls, channel: Channel, drivers: Drivers) -> Library:
+    def of(cls, drivers: Drivers) -> Library:
         """All terms of the grammar, and sines read off the smoothed signal, that are finite and distinct along the path."""
-        terms = [*terms_of(drivers), *waves_of(channel, drivers)]
-        kept, unit = _distinct(
-            len(terms), channel.record.n_samples, lambda some: drivers.values(terms[some], channel.record)
-        )
+        channel, terms = drivers.channel, [*terms_of(drivers), *waves_of(drivers)]
+        kept, unit = _distinct(len(terms), channel.record.n_samples, lambda some: drivers.values(terms[some]))
         most = MOST_NUMBERS // channel.r.size
         if len(kept) > most:
             follows = _correlation(unit, channel.force())

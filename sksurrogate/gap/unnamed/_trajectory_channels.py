@@ -15,38 +15,33 @@ from sksurrogate.gap.unnamed._drivers import Drivers
 from sksurrogate.gap.unnamed._law_left import LawLeft
 
 
-def channel_of(candidate: TrajectoryCandidate, location: str, kind: str) -> Channel:
-    """One latent signal at an input or output on top of a candidate, elsewhere on every state of the surrogate.
+class TrajectoryChannels(Channels[TrajectoryCandidate]):
+    """Around a simulator with ``simulate`` alone: at its inputs and outputs, elsewhere on every state of its surrogate.
 
     Signals at an input or output are in its units.
     """
-    problem, record, r = candidate.problem, candidate.problem.record, candidate.residual
-    surrogate, plant = problem.surrogate, problem.plant
-    sensor = plant.outputs.index(location) if location in plant.outputs else None
-    push, unit = np.diag(surrogate.scale), 1.0
-    if sensor is not None:
-        push = surrogate.scale[:, None]
-    elif location in plant.inputs:
-        i = plant.inputs.index(location)
-        push, unit = surrogate.B[:, i : i + 1], max(float(np.std(record.u[i])), 1e-12)
-        if not np.any(push):
-            push = np.ones((len(surrogate.A), 1))
-    D = surrogate.disturbance(problem.free_starts, push, record.known)
-    noise, value, held = fit_signal(D, r, problem.sd, record.spread, unit, sensor)
-    signals = {**dict(zip(plant.outputs, candidate.fit.y)), **dict(zip(plant.inputs, record.u))}
-    pushed = None if sensor is not None else np.repeat(push[:, :1], record.n_samples, axis=1)
-    return Channel(location, kind, record, D, noise, LinearModel.of(r), pushed, sensor, unit, held, signals, value)
-
-
-class TrajectoryChannels(Channels[TrajectoryCandidate]):
-    """Around a simulator with ``simulate`` alone: at its inputs and outputs, elsewhere on every state of its surrogate."""
 
     def made(self, location: str, kind: str) -> Channel:
-        return channel_of(self.null, location, kind)
+        problem, record, r = self.null.problem, self.null.problem.record, self.null.residual
+        surrogate, plant = problem.surrogate, problem.plant
+        sensor = plant.outputs.index(location) if location in plant.outputs else None
+        push, unit = np.diag(surrogate.scale), 1.0
+        if sensor is not None:
+            push = surrogate.scale[:, None]
+        elif location in plant.inputs:
+            i = plant.inputs.index(location)
+            push, unit = surrogate.B[:, i : i + 1], max(float(np.std(record.u[i])), 1e-12)
+            if not np.any(push):
+                push = np.ones((len(surrogate.A), 1))
+        D = surrogate.disturbance(problem.free_starts, push, record.known)
+        noise, value, held = fit_signal(D, r, problem.sd, record.spread, unit, sensor)
+        signals = {**dict(zip(plant.outputs, self.null.fit.y)), **dict(zip(plant.inputs, record.u))}
+        pushed = None if sensor is not None else np.repeat(push[:, :1], record.n_samples, axis=1)
+        return Channel(location, kind, record, D, noise, LinearModel.of(r), pushed, sensor, unit, held, signals, value)
 
     def drivers(self, channel: Channel, changes: Sequence[float] = ()) -> Drivers:
         along = self.null.problem.plant.inputs
-        return Drivers(channel.location, channel.kind, channel.signals, {}, along=along, changes=changes)
+        return Drivers(channel, channel.signals, {}, along=along, changes=changes)
 
 
 def equivalent_places(channels: Channels[TrajectoryCandidate]) -> list[Place]:
@@ -69,7 +64,7 @@ def law_left(channels: Channels[TrajectoryCandidate], place: Place, unit: float,
         return LawLeft(place.location, place.kind, "")
     best, candidate = drafts[0], channels.null
     problem, drivers = candidate.problem, channels.drivers(channel)
-    signal = best.coefficients @ drivers.values(best.terms, channel.record)
+    signal = best.coefficients @ drivers.values(best.terms)
     over_noise = candidate.without_starts(channel.respond(signal[None]).transpose(1, 0, 2))[0]
     chance = float(expit(best.worth))
     size = chance * float(np.sqrt(np.sum(over_noise**2) / problem.record.n_values)) / unit

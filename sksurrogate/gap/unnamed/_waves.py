@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from sksurrogate.effects._formula import Term
-from sksurrogate.gap.unnamed._channel import Channel
 from sksurrogate.gap.unnamed._drivers import Drivers
 from sksurrogate.kernels.linear_fit import linear_least_squares
 
@@ -23,13 +22,13 @@ INDEPENDENT = 1e-10
 NO_MOVE = 1e-6
 
 
-def waves_of(channel: Channel, drivers: Drivers) -> list[Term]:
+def waves_of(drivers: Drivers) -> list[Term]:
     """Sines of every driver that the smoothed signal at a place follows."""
-    force = channel.force()
+    force, starts = drivers.channel.force(), drivers.channel.record.starts
     found = []
     for name in drivers.present:
         z = drivers.signals[name]
-        found += [Term((("swing", name, k, 0.0, phase),)) for k, phase in waves(z, force, channel.record.starts)]
+        found += [Term((("swing", name, k, 0.0, phase),)) for k, phase in waves(z, force, starts)]
     return found
 
 

@@ -23,17 +23,12 @@ def by_output(shrink: Shrink) -> Table:
     gaps = [np.sqrt(max(row["before"] ** 2 - row["floor"] ** 2, 0.0)) for row in shrink.by_output]
     relative = [gap**2 / max(row["floor"], 1e-300) ** 2 for gap, row in zip(gaps, shrink.by_output)]
     total = sum(relative)
-    return Table(
-        tuple(
-            {
-                "output": row["output"],
-                "gap": float(gap),
-                "noise": row["floor"],
-                "share": float(part / total) if total > 0 else 0.0,
-            }
-            for row, gap, part in zip(shrink.by_output, gaps, relative)
-        )
-    )
+    shares = [float(part / total) if total > 0 else 0.0 for part in relative]
+    rows = [
+        {"output": row["output"], "gap": float(gap), "noise": row["floor"], "share": share}
+        for row, gap, share in zip(shrink.by_output, gaps, shares)
+    ]
+    return Table(tuple(rows))
 
 
 def named_places(effects: Sequence[EffectEstimate], kinds: Mapping[tuple, str]) -> list[tuple[str, str, float]]:
@@ -86,16 +81,9 @@ def by_frequency(record: Record, before: np.ndarray, floor: np.ndarray) -> Table
     for a, z in zip(edges[:-1], edges[1:]):
         inside = (frequency >= a) & (frequency < z)
         if inside.any():
+            band = {"low": float(a), "high": float(min(z, frequency[-1]))}
             power = float(np.sum(np.asarray(total)[inside]) * width)
-            rows.append(
-                {
-                    "low": float(a),
-                    "high": float(min(z, frequency[-1])),
-                    "gap": power,
-                    "noise": noise * float(inside.sum()) * width,
-                }
-            )
-    whole = sum(max(row["gap"] - row["noise"], 0.0) for row in rows)
-    return Table(
-        tuple({**row, "share": max(row["gap"] - row["noise"], 0.0) / whole if whole > 0 else 0.0} for row in rows)
-    )
+            rows.append({**band, "gap": power, "noise": noise * float(inside.sum()) * width})
+    beyond = [max(row["gap"] - row["noise"], 0.0) for row in rows]
+    whole = sum(beyond)
+    return Table(tuple({**row, "share": part / whole if whole > 0 else 0.0} for row, part in zip(rows, beyond)))
