@@ -4,7 +4,11 @@ import numpy as np
 import pytest
 
 from sksurrogate.gap import GapDiagnoser
+from sksurrogate.gap.fit._build import build_trajectory
+from sksurrogate.gap.unnamed._trajectory_channels import TrajectoryChannels
+from sksurrogate.kernels.record import Record
 from sksurrogate.physics import CallableSimulator, ODESimulator
+from sksurrogate.physics._simulator import describe
 
 DT, N, RUNS = 0.1, 200, 4
 TANK = ODESimulator(
@@ -57,3 +61,29 @@ def test_no_law_is_looked_for_where_a_user_rules_effects_out():
     asked = GapDiagnoser(TOOL, effects=["sensor_quantization"], exclude=[(None, "pump")], random_state=0)
     term = asked.fit(X, y, groups=groups).report_.missing_term
     assert term is None or term.law is None or term.law.location != "pump"
+
+
+class OnlyInputs:
+    """The tank as a tool that takes its inputs and nothing else."""
+
+    inputs, outputs, dt = ("pump",), ("lower",), DT
+
+    def simulate(self, U):
+        return TANK.simulate(U)
+
+
+def test_a_tool_may_take_its_inputs_and_nothing_else():
+    X, y, groups = recorded(plain, lambda y: y + 0.3)
+    report = GapDiagnoser(OnlyInputs(), effects=["sensor_bias"], random_state=0).fit(X, y, groups=groups).report_
+    assert report.verdict == "explained" and [effect.name for effect in report.effects] == ["sensor_bias"]
+
+
+def test_beside_a_law_inside_the_noise_has_a_force_on_every_state_of_the_surrogate():
+    X, y, groups = recorded(plain, plain)
+    runs = [groups == k for k in range(RUNS)]
+    record = Record.from_runs([X[run] for run in runs], [y[run, None] for run in runs], [DT * np.arange(N)] * RUNS, DT)
+    problem = build_trajectory(describe(TOOL), record, (), range(RUNS))
+    channel = TrajectoryChannels(problem.fit((), np.zeros(0))).at("inside", "state")
+    assert channel.D.b > 1
+    noise = channel.settled(channel.respond(record.u))
+    assert len(noise.force) == channel.D.b and np.isfinite(noise.pack()).all()
