@@ -11,7 +11,7 @@ from sksurrogate.gap.fit._evidence import estimate_noise
 from sksurrogate.gap.fit._linear_set import linear_set
 from sksurrogate.gap.unnamed import _law_evidence
 from sksurrogate.gap.unnamed._along_a_path import as_regressors
-from sksurrogate.gap.unnamed._law_evidence import LawQuestion, law_beside
+from sksurrogate.gap.unnamed._law_evidence import LawQuestion, _Fit, law_beside
 from sksurrogate.gap.unnamed._law_shapes import PLAYS, SLEWS, followers, laws, of_time, over_sample, surfaces
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics import ODESimulator
@@ -81,6 +81,27 @@ def test_beside_true_names_is_no_law(linear):
     names = fitted(problem, smoothed.x, *true)
     found = law(names, names.fit.x)
     assert found.gain < 5.0 and found.probability < 0.5
+
+
+def test_a_law_of_a_sensor_has_one_name_beside_every_set():
+    """The law of a valve between two tanks is not listed beside the name of another effect: laws of sensors stand earlier there."""
+    tanks = ODESimulator(
+        lambda t, x, u, p: (u[0] - p["valve"] * (x[0] - x[1]), p["valve"] * (x[0] - x[1]) - 0.3 * x[1]),
+        states=["first", "last"], inputs=["flow"], outputs=["last"], params={"valve": 0.5}, dt=DT,
+    )  # fmt: skip
+    rng = np.random.default_rng(3)
+    U = [np.repeat(rng.uniform(0.2, 1.5, N // 10), 10)[:, None] for _ in range(RUNS)]
+    Y = [y + 0.2 * y**2 + NOISE * rng.normal(size=y.shape) for y in (tanks.simulate(u, x0=np.ones(2)) for u in U)]
+    record = Record.from_runs(U, Y, [DT * np.arange(N)] * RUNS, DT)
+    problem, smoothed = build_problem(PlantModel(describe(tanks)), record, (), ("first", "last"))
+    null = fitted(problem, smoothed.x)
+    named = fitted(problem, smoothed.x, (CATALOGUE["linear_loss"]("last", "last"), np.array([0.1])))
+    name = law_beside(LawQuestion(null.candidate, (null.noise,)), 1.0, 0.1).name
+    assert (name.location, name.kind, name.variable) == ("last", "output", "last")
+    fits = [_Fit(linear_set(one.candidate), (one.noise,), 1.0, 0.1, frozenset()) for one in (null, named)]
+    first = name._replace(form=0)
+    assert fits[0].names.index(first) > fits[1].names.index(first)
+    assert all(fit.candidates[fit.names.index(first)].kind == "output" for fit in fits)
 
 
 def test_a_law_of_two_signals_is_told_in_its_balance():

@@ -16,7 +16,7 @@ from sksurrogate.gap.results._next_experiment import NATS_THAT_SETTLE
 from sksurrogate.gap.search._base import BaseSearch
 from sksurrogate.gap.search._nested import of_one_law
 from sksurrogate.gap.search._ode_search import OdeSearch
-from sksurrogate.gap.unnamed._law_evidence import LawBeside, LawQuestion, law_beside, place_and_signal
+from sksurrogate.gap.unnamed._law_evidence import LawBeside, LawName, LawQuestion, law_beside, place_and_signal
 from sksurrogate.gap.unnamed._law_places import forms_of_places
 from sksurrogate.kernels.disturbance import Noise
 
@@ -72,7 +72,7 @@ def contenders(
     swapped = [one for one in swaps(search, final.candidate) if one in near and frozenset(one.keys) not in fallen]
     for candidate in sorted(swapped, key=reach, reverse=True)[:MOST_OTHERS]:
         if own.net + reach(candidate) > max([own.net, *(one.net for one in others)]) - NATS_THAT_SETTLE:
-            others.extend(judged_contender(search, final, candidate, [law.seed]))
+            others.extend(judged_contender(search, final, candidate, [law.name]))
     return own, others
 
 
@@ -96,7 +96,7 @@ def elsewhere(search: OdeSearch, final: Evidence, own: Contender) -> list[tuple[
         (one for one in likelier if likelier[one] > -NATS_THAT_SETTLE), key=likelier.__getitem__, reverse=True
     )
     for one in as_likely[:MOST_OTHERS]:
-        for beside in judged_contender(search, final, one, [own.law.seed]):
+        for beside in judged_contender(search, final, one, [own.law.name]):
             likelier[one] = beside.net - own.net
     return [(_held(one, final.candidate), nats) for one, nats in likelier.items()]
 
@@ -134,7 +134,7 @@ def swaps(search: BaseSearch[C], named: C) -> list[C]:
 
 
 def judged_contender(
-    search: OdeSearch, final: Evidence, candidate: OdeCandidate, seeds: Sequence[tuple[int, int]]
+    search: OdeSearch, final: Evidence, candidate: OdeCandidate, seeds: Sequence[LawName]
 ) -> list[Contender]:
     """A set beside its own law; none where that cannot be judged.
 
@@ -177,7 +177,7 @@ def judged_law(
     final: Evidence,
     candidate: OdeCandidate,
     along: bool,
-    seeds: Sequence[tuple[int, int]] = (),
+    seeds: Sequence[LawName] = (),
     instead: OdeCandidate | None = None,
     noises: Sequence[Noise] | None = None,
 ) -> LawBeside | None:

@@ -60,7 +60,7 @@ def weigh(search: OdeSearch, final: Evidence) -> Posterior:
     whole = final.candidate
     none = without(whole, *range(n))
     nothing = judged_law(search, final, none, along=True, instead=whole if n == 1 else None)
-    seeds = [] if nothing is None else [nothing.seed]
+    seeds = [] if nothing is None else [nothing.name]
     own = judged_law(search, final, whole, along=False, seeds=seeds)
     if own is None:
         return Posterior((1.0,) * n, None)
@@ -68,7 +68,7 @@ def weigh(search: OdeSearch, final: Evidence) -> Posterior:
     empty = -np.inf if nothing is None else contender(search, none, nothing).net
     against = [empty]
     if n > 1:
-        rests, seeds = [without(whole, i) for i in range(n)], [*seeds, own.seed]
+        rests, seeds = [without(whole, i) for i in range(n)], [*seeds, own.name]
         laws = [judged_law(search, final, rest, along=True, seeds=seeds, instead=whole) for rest in rests]
         against = [-np.inf if law is None else contender(search, rest, law).net for rest, law in zip(rests, laws)]
     chances = (
@@ -106,7 +106,7 @@ def let_stand(search: OdeSearch, final: Evidence) -> tuple[Evidence, Posterior]:
             best = preferred(own, [one for one in others if frozenset(one.candidate.keys) not in stood])
             if best is not own:
                 polished = search.polish(best.candidate)
-                best = preferred(own, judged_contender(search, final, polished, [own.law.seed]))
+                best = preferred(own, judged_contender(search, final, polished, [own.law.name]))
             if best is own:
                 return _sure_part(search, *stood[frozenset(final.candidate.keys)])
             final = search.judged[search.stand(best.candidate)]

@@ -13,6 +13,7 @@ Kennedy, O'Hagan, *Bayesian calibration of computer models*, J. R. Statist. Soc.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -42,6 +43,16 @@ SAME_MOVE = 0.999
 TURNS = 2
 
 
+class LawName(NamedTuple):
+    """Which law it is: laws beside other sets have the same names, in other places of their lists."""
+
+    location: str
+    kind: str
+    variable: str
+    number: int  #: Among those of this place and variable
+    form: int
+
+
 @dataclass(frozen=True)
 class LawBeside:
     """The likeliest law beside a set of effects."""
@@ -50,7 +61,7 @@ class LawBeside:
     #: law among all is paid
     small: float
     large: float
-    seed: tuple[int, int]  #: Which law and form it is among all
+    name: LawName
     left: LawLeft  #: Its place and its size
 
     @property
@@ -72,7 +83,7 @@ class LawQuestion:
     #: a friction at rest, would not let a law correct it
     bare: bool = False
     #: Of laws beside other sets about the same path: these are compared too, with a jump at zero where they have none
-    seeds: Sequence[tuple[int, int]] = ()
+    seeds: Sequence[LawName] = ()
     #: The set with the effect in whose place the law stands. What moves the outputs as this effect does is this effect, and no law
     #: without a name: a form of one function, and, up to the tolerance, a law of its place and signal that is larger than the tolerance
     instead: OdeCandidate | None = None
@@ -161,7 +172,18 @@ class _Fit:
         """Prior weights of the sizes of a small and of a large law, (2, n_sizes)."""
         return small_and_large(LAW_SIZES, self.tolerance)
 
-    def best(self, seeds: Sequence[tuple[int, int]], barred: tuple[str, str] | None = None) -> _Found:
+    @cached_property
+    def names(self) -> list[LawName]:
+        """Of all laws in their first form."""
+        seen: Counter[tuple[str, str, str]] = Counter()
+        names = []
+        for law in self.candidates:
+            key = law.location, law.kind, law.signal.variable
+            names.append(LawName(*key, seen[key], 0))
+            seen[key] += 1
+        return names
+
+    def best(self, seeds: Sequence[LawName], barred: tuple[str, str] | None = None) -> _Found:
         """The likeliest law: of those that are likeliest under each noise, and of those that were likeliest beside other sets.
 
         The noise is fitted beside the likeliest law under each noise; then beside the likeliest other under the noise of the best, as long as
@@ -171,7 +193,9 @@ class _Fit:
         """
         picks = [self.first(evidence, barred) for evidence in self.compared]
         best = max((self.refined(k, f, noise) for (k, f), noise in zip(picks, self.noises)), key=attrgetter("total"))
-        others = {*picks, *((k, form) for k, f in seeds for form in self.relatives(k, f, barred))} - {(best.k, best.f)}
+        of_name = {name: k for k, name in enumerate(self.names)}
+        known = [(of_name[seed._replace(form=0)], seed.form) for seed in seeds if seed._replace(form=0) in of_name]
+        others = {*picks, *((k, form) for k, f in known for form in self.relatives(k, f, barred))} - {(best.k, best.f)}
         while others:
             first = max((self.under(k, f, best.noise) for k, f in sorted(others)), key=attrgetter("total"))
             others.remove((first.k, first.f))
@@ -285,8 +309,8 @@ class _Fit:
         return best[1], best[2], best[3]
 
     def relatives(self, k: int, f: int, barred: tuple[str, str] | None = None) -> list[int]:
-        """A form of a law, and those that contain its functions and one more; none where this set has no such law."""
-        if k >= len(self.candidates) or self.candidates[k].place == barred:
+        """A form of a law, and those that contain its functions and one more; none where it has no such form."""
+        if self.candidates[k].place == barred:
             return []
         forms = [set(form.functions.tolist()) for form in self.candidates[k].signal.forms]
         if f >= len(forms):
@@ -347,7 +371,7 @@ class _Fit:
         large = float(one.large)
         probability = float(np.exp(large - np.logaddexp(small, large)))
         left = LawLeft(law.location, law.kind, law.signal.variable, size, spread, gain, deviation, probability, rms)
-        return LawBeside(small, large, (one.k, one.f), left)
+        return LawBeside(small, large, self.names[one.k]._replace(form=one.f), left)
 
 
 def _log(value: float) -> float:
