@@ -41,6 +41,7 @@ def main() -> None:
     parser.add_argument("--faults", nargs="+", default=list(FAULTS))
     parser.add_argument("--effect", choices=["with", "without", "both"], default="both")
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--free", action="store_true", help="all parameters of the simulator may differ")
     given = parser.parse_args()
     warnings.simplefilter("ignore")
     right = n = 0
@@ -49,7 +50,10 @@ def main() -> None:
             for with_effect in {"with": [True], "without": [False], "both": [False, True]}[given.effect]:
                 case = make_case(name, fault, with_effect, given.seed)
                 started = time.process_time()
-                report = GapDiagnoser(case.simulator, n_jobs=1, random_state=0).fit(case.U, case.Y, case.groups).report_
+                diagnoser = GapDiagnoser(
+                    case.simulator, free_params="all" if given.free else None, n_jobs=1, random_state=0
+                )
+                report = diagnoser.fit(case.U, case.Y, case.groups).report_
                 said = judged(case, report)
                 right, n = right + (said == "right"), n + 1
                 names = [f"{e.name}@{e.location}" for e in report.effects]
