@@ -19,7 +19,8 @@ OF_READINGS = (DEGREES, 1000.0, 100.0, 1 / DEGREES, 1 / 1000.0, 1 / 100.0)
 KELVIN = 273.15
 #: Columns of a kind, inputs or outputs, of which single ones are tried: a look is a free run.
 MOST_COLUMNS = 4
-#: A column so far off has no part in the motion: where the simulator explains as much with it, its unit is not seen.
+#: In a unit so far off a column has no part in the motion; of time, or of all signals, the simulator stands still, is linear, or at its
+#: limits: where it explains as much there, a unit is not seen.
 FAR_OFF = 1e9
 
 

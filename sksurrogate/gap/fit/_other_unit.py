@@ -7,15 +7,13 @@ from dataclasses import replace
 import numpy as np
 
 from sksurrogate.gap.fit._explained import MORE_EXPLAINED, NOTHING_HELPS, explained, nominal_run
-from sksurrogate.gap.fit._other_columns import OF_READINGS, divided, in_words, of_columns
+from sksurrogate.gap.fit._other_columns import FAR_OFF, OF_READINGS, divided, in_words, of_columns
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics._model import PlantModel
 
 #: What people confuse: a second and its thousandths, its millionths, minutes, hours, days; minutes and days; hours and days.
 UNITS_OF_TIME = (1000.0, 60.0, 3600.0, 1e6, 86400.0, 1440.0, 24.0)
 FACTORS = (*UNITS_OF_TIME, *(1 / factor for factor in UNITS_OF_TIME))
-#: Time, or all signals, in units so much further off: there the simulator stands still, is linear, or at its limits.
-FAR_OFF = 1e9
 #: Share of the variance that a unit of all signals may leave, where one far off leaves less than twice as much.
 MOST_UNEXPLAINED = 0.05
 
