@@ -14,31 +14,27 @@ from sksurrogate.gap.fit._closeness import AT_THE_NOISE, is_at_noise
 from sksurrogate.gap.fit._evidence import CERTAIN, FEW_STEPS, estimate_noise
 from sksurrogate.gap.search._base import BaseSearch
 
-#: Rows that are tried: one where the row of a reading holds the input that led to it, two where a logger adds one more.
-ROWS_LATE = (1, 2)
-#: Single effects, the likeliest, beside which a shift is tried.
-MOST_SINGLES = 8
 #: Share of what the simulator alone leaves above the noise that a shift takes, to be tried where names leave something.
-MOST_OF_THE_GAP = 0.5
+PART_OF_THE_GAP = 0.2
+#: Single effects, the likeliest, beside which it is tried where several are named.
+MOST_SINGLES = 8
 
 
 def inputs_late(search: BaseSearch[Any], n_runs: int) -> Shifts | None:
-    """The shift of all runs with which effects are to be looked for again, after some were named; None where there is none.
+    """A shift of all runs by one row with which effects are to be looked for again, after some were named; None where there is none.
 
-    It lowers what the simulator alone leaves. And either a simple model comes to the noise with it and is likelier than what was named;
-    or names leave more than the noise, and the simulator alone leaves less than half of what it did.
+    Beside no effect, beside what was named, or beside one effect in the place of several, it comes to the noise and is likelier. Or names
+    leave more than the noise, and the simulator alone leaves clearly less with it.
 
     ``n_runs``: of the whole record.
     """
-    named = search.standing
-    shifts = (Shifts(None, np.full(n_runs, -rows)) for rows in ROWS_LATE)
-    alone = max((_Shifted(shift, search.fitted_null.candidate) for shift in shifts), key=lambda one: one.taken)
-    if alone.taken <= 0.0:
-        return None
-    beside = [_Shifted(alone.shift, model) for model in (*search.first_round[:MOST_SINGLES], named.candidate)]
-    likelier = max(one.score(search) for one in (alone, *beside)) > search.score(named.candidate) + CERTAIN
-    left = named.left > AT_THE_NOISE and alone.taken > MOST_OF_THE_GAP
-    return alone.shift if likelier or left else None
+    named, shift = search.standing, Shifts(None, np.full(n_runs, -1))
+    alone = _Shifted(shift, search.fitted_null.candidate)
+    if named.left > AT_THE_NOISE and alone.taken > PART_OF_THE_GAP:
+        return shift
+    singles = search.first_round[:MOST_SINGLES] if len(named.effects) > 1 else []
+    beside = [alone, *(_Shifted(shift, model) for model in (named.candidate, *singles))]
+    return shift if max(one.score(search) for one in beside) > search.score(named.candidate) + CERTAIN else None
 
 
 @dataclass(frozen=True, eq=False)

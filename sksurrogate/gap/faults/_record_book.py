@@ -93,7 +93,7 @@ class RecordBook:
             return replace(self.earlier, closed=True)  # in the record as it came the names leave less, or are likelier
         if self.closed or self.depth >= MOST_ROUNDS:
             return self
-        if self.earlier is None and (final.effects or final.left > AT_THE_NOISE):
+        if final.effects or final.left > AT_THE_NOISE:
             late = inputs_late(search, len(self.raw.starts))
             if late is not None:
                 return self.with_fault(late, max(final.left, AT_THE_NOISE))
