@@ -16,7 +16,7 @@ from sksurrogate.gap.search._base import BaseSearch
 
 #: Share of what the simulator alone leaves above the noise that a shift takes, to be tried where names leave something.
 PART_OF_THE_GAP = 0.2
-#: Single effects, the likeliest, beside which it is tried where several are named.
+#: Single effects, the likeliest or the nearest, on top of which a fault is looked for.
 MOST_SINGLES = 8
 
 

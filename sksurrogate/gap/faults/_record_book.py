@@ -11,7 +11,7 @@ import numpy as np
 
 from sksurrogate.gap.faults._corrections import BaseFault, Names, NoisyInput
 from sksurrogate.gap.faults._fault_left import Alternative, fault_left, tone_left
-from sksurrogate.gap.faults._late_inputs import inputs_late
+from sksurrogate.gap.faults._late_inputs import MOST_SINGLES, inputs_late
 from sksurrogate.gap.faults._wrong_readings import outlying_beside, wrong_readings
 from sksurrogate.gap.fit._backend import BaseCandidate
 from sksurrogate.gap.fit._closeness import AT_THE_NOISE, SETTLED
@@ -25,8 +25,6 @@ from sksurrogate.runs import Runs
 
 #: Faults of runs that are taken out one after another.
 MOST_ROUNDS = 4
-#: Single effects, the likeliest and the nearest, on top of which a fault is looked for.
-MOST_SINGLES = 8
 
 
 @dataclass(frozen=True, eq=False)
