@@ -153,7 +153,7 @@ def test_an_interrupt_keeps_what_is_known(monkeypatch):
     def interrupted(*args, **kwargs):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(_equivalence, "equivalents", interrupted)
+    monkeypatch.setattr(_equivalence, "_class_in_place", interrupted)
     X, y, runs = measure(lambda q, v, u: -8 * q**3)
     with pytest.warns(UserWarning, match="interrupted"):
         report = GapDiagnoser(oscillator(), random_state=0).fit(X, y, groups=runs).report_

@@ -156,7 +156,7 @@ def test_of_many_starting_values_the_best_of_every_effect_are_kept():
     sine, lag = CATALOGUE["periodic_disturbance"]("x"), CATALOGUE["hidden_relaxation"]("x", "x")
 
     def start(effect, theta, white, evident=False):
-        return SimpleNamespace(effect=effect, theta=np.array(theta), white=white, forced=0.0, evident=evident)
+        return SimpleNamespace(effect=effect, theta=np.array(theta), promises=white, evident=evident)
 
     starts = [
         *(start(sine, (1.0, w, phase), 10.0 * w + phase) for w in (3.0, 1.0, 2.0) for phase in (0.0, 1.5)),
