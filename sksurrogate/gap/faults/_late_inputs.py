@@ -1,4 +1,4 @@
-"""Inputs written some rows too late: every reading comes before its cause, which no effect of a plant can do."""
+"""Inputs written a row too late: every reading comes before its cause, which no effect of a plant can do."""
 
 from __future__ import annotations
 
