@@ -94,7 +94,7 @@ class RecordBook:
         if final.effects or final.left > AT_THE_NOISE:
             late = inputs_late(search, len(self.raw.starts))
             if late is not None:
-                return self.with_fault(late, AT_THE_NOISE)  # a shift is exact: with it the names come to the noise
+                return self.with_fault(late, SETTLED)  # a shift is exact: with it the names come to the noise
         odd = outlying_beside(final, search.fitted_null.candidate)
         if odd is not None:
             return self.with_fault(replace(odd, rows=rows[odd.rows]), np.inf)
