@@ -11,7 +11,8 @@ from sksurrogate.gap.fit._evidence import estimate_noise
 from sksurrogate.gap.fit._linear_set import linear_set
 from sksurrogate.gap.unnamed import _law_evidence
 from sksurrogate.gap.unnamed._along_a_path import as_regressors
-from sksurrogate.gap.unnamed._law_evidence import LawQuestion, _Fit, law_beside
+from sksurrogate.gap.unnamed._law_evidence import LawQuestion, law_beside, law_names
+from sksurrogate.gap.unnamed._law_places import in_all_places
 from sksurrogate.gap.unnamed._law_shapes import PLAYS, SLEWS, followers, laws, of_time, over_sample, surfaces
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics import ODESimulator
@@ -98,10 +99,10 @@ def test_a_law_of_a_sensor_has_one_name_beside_every_set():
     named = fitted(problem, smoothed.x, (CATALOGUE["linear_loss"]("last", "last"), np.array([0.1])))
     name = law_beside(LawQuestion(null.candidate, (null.noise,)), 1.0, 0.1).name
     assert (name.location, name.kind, name.variable) == ("last", "output", "last")
-    fits = [_Fit(linear_set(one.candidate), (one.noise,), 1.0, 0.1, frozenset()) for one in (null, named)]
-    first = name._replace(form=0)
-    assert fits[0].names.index(first) > fits[1].names.index(first)
-    assert all(fit.candidates[fit.names.index(first)].kind == "output" for fit in fits)
+    beside = [list(in_all_places(linear_set(one.candidate).base)) for one in (null, named)]
+    places = [law_names(laws).index(name._replace(form=0)) for laws in beside]
+    assert places[0] > places[1]
+    assert all(laws[k].kind == "output" for laws, k in zip(beside, places))
 
 
 def test_a_law_of_two_signals_is_told_in_its_balance():

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from itertools import combinations
+from itertools import combinations, product
 
 import numpy as np
 
 from sksurrogate.gap.fit._explained import MORE_EXPLAINED, NOTHING_HELPS, explained
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics._model import PlantModel
+from sksurrogate.physics._simulator import Plant
 
 #: What people confuse in readings: degrees and radians, thousandths, hundredths; how much larger the numbers are than the simulator's.
 DEGREES = 180.0 / np.pi
@@ -18,7 +19,7 @@ OF_READINGS = (DEGREES, 1000.0, 100.0, 1 / DEGREES, 1 / 1000.0, 1 / 100.0)
 #: Kelvin and degrees Celsius.
 KELVIN = 273.15
 #: Columns of a kind, inputs or outputs, of which single ones are tried: a look is a free run.
-MOST_COLUMNS = 4
+MOST_TRIED_COLUMNS = 4
 #: In a unit so far off a column has no part in the motion; of time, or of all signals, the simulator stands still, is linear, or at its
 #: limits: where it explains as much there, a unit is not seen.
 FAR_OFF = 1e9
@@ -30,11 +31,12 @@ def of_columns(model: PlantModel, record: Record, own: float) -> tuple[float, st
     ``own``: share that it explains of the record as it is.
     """
     first = record.rows(np.arange(record.lengths[0]), np.array([0]))
-    shares = {what: explained(model, other) for what, other in _written_otherwise(model, first)}
+    moving = [i for i in range(min(len(record.u), MOST_TRIED_COLUMNS)) if _has_a_part(model, first, i)]
+    shares = {what: explained(model, other) for what, other in _written_otherwise(model.plant, first, moving)}
     what = max(shares, key=lambda one: round(shares[one], 3), default="")  # of equals the first: the fewest columns
     if not what or shares[what] < own + MORE_EXPLAINED:
         return NOTHING_HELPS
-    share = explained(model, dict(_written_otherwise(model, record))[what])
+    share = explained(model, dict(_written_otherwise(model.plant, record, moving))[what])
     if share < own + MORE_EXPLAINED:
         return NOTHING_HELPS
     return share, (
@@ -43,14 +45,21 @@ def of_columns(model: PlantModel, record: Record, own: float) -> tuple[float, st
     )
 
 
-def _written_otherwise(model: PlantModel, record: Record) -> Iterator[tuple[str, Record]]:
-    """What may be done to columns, in words, and the record with it."""
-    inputs, outputs = model.plant.inputs[:MOST_COLUMNS], model.plant.outputs[:MOST_COLUMNS]
-    m, n, same = len(record.u), len(record.y), np.ones(len(record.y))
-    for i, name in enumerate(inputs):
-        if 1.0 - explained(model, divided(record, _one(m, i, FAR_OFF), same)) > MORE_EXPLAINED:
-            for factor in OF_READINGS:
-                yield in_words(factor, [name]), divided(record, _one(m, i, factor), same)
+def _has_a_part(model: PlantModel, record: Record, i: int) -> bool:
+    """Whether the simulator explains little where an input has no part in the motion."""
+    far = divided(record, _one(len(record.u), i, FAR_OFF), np.ones(len(record.y)))
+    return 1.0 - explained(model, far) > MORE_EXPLAINED
+
+
+def _written_otherwise(plant: Plant, record: Record, moving: Sequence[int]) -> Iterator[tuple[str, Record]]:
+    """What may be done to columns, in words, and the record with it.
+
+    ``moving``: inputs whose unit is seen.
+    """
+    inputs, outputs = plant.inputs[:MOST_TRIED_COLUMNS], plant.outputs[:MOST_TRIED_COLUMNS]
+    m, n = len(record.u), len(record.y)
+    for i, factor in product(moving, OF_READINGS):
+        yield in_words(factor, [inputs[i]]), divided(record, _one(m, i, factor), np.ones(n))
     for offset in (KELVIN, -KELVIN):
         verb = f"{KELVIN:g} {'taken from' if offset > 0 else 'added to'}"
         for i, name in enumerate(inputs):
@@ -58,7 +67,7 @@ def _written_otherwise(model: PlantModel, record: Record) -> Iterator[tuple[str,
         for j, name in enumerate(outputs):
             yield f"{verb} {name}", replace(record, y=record.y - offset * (np.arange(n) == j)[:, None])
         if n > 1:
-            yield f"{verb} {', '.join(model.plant.outputs)}", replace(record, y=record.y - offset)
+            yield f"{verb} {', '.join(plant.outputs)}", replace(record, y=record.y - offset)
     for a, b in combinations(range(len(outputs)), 2):
         yield f"{outputs[a]} and {outputs[b]} exchanged", replace(record, y=record.y[_exchanged(n, a, b)])
     for a, b in combinations(range(len(inputs)), 2):

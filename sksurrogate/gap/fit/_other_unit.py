@@ -27,9 +27,8 @@ def other_unit(model: PlantModel, record: Record) -> str:
     own = max(explained(model, record), 0.0)
     if own > 1.0 - MORE_EXPLAINED:
         return ""
-    return max((ways(model, record, own) for ways in (_of_time, _of_readings, of_columns)), key=lambda found: found[0])[
-        1
-    ]
+    _, sentence = max(written(model, record, own) for written in (_of_time, _of_readings, of_columns))
+    return sentence
 
 
 def _of_time(model: PlantModel, record: Record, own: float) -> tuple[float, str]:

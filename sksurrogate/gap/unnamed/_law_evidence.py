@@ -14,7 +14,7 @@ Kennedy, O'Hagan, *Bayesian calibration of computer models*, J. R. Statist. Soc.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from operator import attrgetter
@@ -51,6 +51,17 @@ class LawName(NamedTuple):
     variable: str
     number: int  #: Among those of this place and variable
     form: int
+
+
+def law_names(laws: Iterable[PlacedSignal]) -> list[LawName]:
+    """Of laws in their first form, in their order."""
+    seen: Counter[tuple[str, str, str]] = Counter()
+    names = []
+    for law in laws:
+        key = law.location, law.kind, law.signal.variable
+        names.append(LawName(*key, seen[key], 0))
+        seen[key] += 1
+    return names
 
 
 @dataclass(frozen=True)
@@ -174,14 +185,8 @@ class _Fit:
 
     @cached_property
     def names(self) -> list[LawName]:
-        """Of all laws in their first form."""
-        seen: Counter[tuple[str, str, str]] = Counter()
-        names = []
-        for law in self.candidates:
-            key = law.location, law.kind, law.signal.variable
-            names.append(LawName(*key, seen[key], 0))
-            seen[key] += 1
-        return names
+        """Of all laws."""
+        return law_names(self.candidates)
 
     def best(self, seeds: Sequence[LawName], barred: tuple[str, str] | None = None) -> _Found:
         """The likeliest law: of those that are likeliest under each noise, and of those that were likeliest beside other sets.
