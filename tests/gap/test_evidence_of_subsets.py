@@ -62,6 +62,7 @@ def test_interpolated_readings_of_a_tank_that_leaks_by_a_root_law(monkeypatch, n
     evidence = {row["name"]: row["evidence"] for row in report.ranking}
     assert evidence["sqrt_leak"] > 10.0 and evidence["power_law"] > 10.0
     assert report.effects[0].name in ("sqrt_leak", "power_law")
+    assert "shift" not in report.data.kinds  # without an input a shift is another initial state
     assert max(shortfalls(search), default=0.0) < 0.5
 
 

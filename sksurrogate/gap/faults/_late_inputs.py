@@ -20,10 +20,13 @@ def inputs_late(search: BaseSearch[Any], n_runs: int) -> Shifts | None:
     """A shift of all runs by one row with which effects are to be looked for again, after some were named; None where there is none.
 
     Beside no effect, beside what was named, or beside one effect in the place of names that are several or leave more than the noise, it
-    comes to the noise and is likelier.
+    comes to the noise and is likelier. Where no input moves within a run a shift is another initial state, and none is looked for.
 
     ``n_runs``: of the whole record.
     """
+    record = search.fitted_null.candidate.problem.record
+    if np.array_equal(record.u, record.u[:, record.back(1)]):
+        return None
     named, shift = search.standing, Shifts(None, np.full(n_runs, -1))
     doubtful = named.left > AT_THE_NOISE or len(named.effects) > 1
     models = [search.fitted_null.candidate, named.candidate, *(search.first_round[:MOST_SINGLES] if doubtful else [])]
