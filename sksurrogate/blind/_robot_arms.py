@@ -13,6 +13,7 @@ import numpy as np
 from sksurrogate.blind._cases import ATTEMPTS, Question
 from sksurrogate.blind._linkage import LINKAGE_ANSWERS, linkage_case
 from sksurrogate.blind._robots import ANSWERS, INEXACT_ANSWERS, robot_case
+from sksurrogate.blind._score import KEPT_OF_EFFECTS
 from sksurrogate.exceptions import SurrogateError
 from sksurrogate.physics import MuJoCoSimulator
 
@@ -166,12 +167,11 @@ def score_robot_case(case: RobotCase, answer: Mapping[str, Any]) -> dict[str, An
         {(e["name"], e["location"]), *((o[0], o[1]) for o in e.get("equivalents") or [])} for e in answer["effects"]
     ]
     right = [bool(group & set(case.answers)) for group in groups]
-    kept = ("name", "location", "variable", "params", "intervals", "probability", "equivalents")
     unnamed = [where.format(t["location"]) for t in case.facts["truths"] for where in PLACES_OF_JOINT]
     places = {place for _, place in case.answers} or set(unnamed)
     likely_place = answer.get("where", {}).get("location")
     row |= {
-        "verdict": answer["verdict"], "effects": [{k: e.get(k) for k in kept} for e in answer["effects"]],
+        "verdict": answer["verdict"], "effects": [{k: e.get(k) for k in KEPT_OF_EFFECTS} for e in answer["effects"]],
         "named": int(any(right)), "false_names": right.count(False), "classes": [len(group) for group in groups],
         "exact": int(any((e["name"], e["location"]) in case.answers for e in answer["effects"])),
         "likely_place": likely_place, "place": likely_place in places if places else likely_place is None, "covered": [],

@@ -17,6 +17,8 @@ from sksurrogate.blind._truths import KINDS, NOVEL, Truth
 Key = tuple[str, str, str | None]
 #: Share of the gap (amplitude) on runs nobody fitted from which other names imitate the withheld one.
 IMITATED = 0.95
+#: What a row keeps of each effect that was named.
+KEPT_OF_EFFECTS = ("name", "location", "variable", "share", "params", "intervals", "probability", "equivalents")
 
 
 def score(case: Case, answer: Mapping[str, Any], *, oracle: bool = True) -> dict[str, Any]:
@@ -41,9 +43,10 @@ def score(case: Case, answer: Mapping[str, Any], *, oracle: bool = True) -> dict
     row |= {
         "verdict": answer["verdict"],
         "effects": [
-            {k: e.get(k) for k in ("name", "location", "variable", "params", "intervals", "probability", "equivalents")}
+            {k: e.get(k) for k in KEPT_OF_EFFECTS}
             for e in answer["effects"]
         ],
+        "remainder": answer.get("remainder"),
         "named": sum(named),
         "exact": sum(any(truth == group[0] for group in classes) for truth in truths),
         "false_names": false,

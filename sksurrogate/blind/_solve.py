@@ -15,6 +15,7 @@ import time
 import traceback
 import warnings
 from collections.abc import Callable, Mapping
+from dataclasses import asdict
 from typing import Any, BinaryIO
 
 import numpy as np
@@ -56,6 +57,7 @@ def ask_gap_diagnoser(question: Question) -> dict[str, Any]:
             }
             for e in report.effects
         ],
+        "remainder": plain(asdict(report.remainder)),
         "where": {
             "location": report.where.location, "kind": report.where.kind,
             "by_region": [dict(row) for row in report.where.by_region], "by_time": [dict(row) for row in report.where.by_time],
@@ -79,8 +81,14 @@ def ask_gap_diagnoser(question: Question) -> dict[str, Any]:
 
 
 def plain(features: Mapping[str, Any]) -> dict[str, Any]:
-    """Numbers and flags as JSON holds them."""
-    return {k: bool(v) if isinstance(v, bool | np.bool_) else float(v) for k, v in features.items()}
+    """Numbers, flags and words as JSON holds them."""
+
+    def one(value: Any) -> Any:
+        if value is None or isinstance(value, str):
+            return value
+        return bool(value) if isinstance(value, bool | np.bool_) else float(value)
+
+    return {key: one(value) for key, value in features.items()}
 
 
 def processor_seconds() -> float:
