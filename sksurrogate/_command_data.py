@@ -14,6 +14,9 @@ from sksurrogate._csv import read_csv, read_header
 from sksurrogate._headers import assigned, columns_of, split_unit
 from sksurrogate.exceptions import DataError
 
+#: Columns with these names mostly tell one run from the next.
+RUN_WORDS = ("run", "episode", "experiment", "trial", "batch")
+
 
 def add_data(parser: argparse.ArgumentParser) -> None:
     """Add the file and its options."""
@@ -75,6 +78,13 @@ def recording(
     units = {name: unit for name in signals if (unit := split_unit(shown[name])[1])}
     if time and split_unit(time)[1]:
         units["time"] = split_unit(time)[1]
+    unread = [text for text in header if split_unit(text)[0].lower().removesuffix("id").rstrip("_ ") in RUN_WORDS]
+    if run is None and unread and unread[0] not in wanted:
+        print(
+            f"sksurrogate: column {unread[0]!r} of {arguments.data} is not read, and all rows are one run. If it tells the runs apart: "
+            f"--run {unread[0]}.",
+            file=sys.stderr,
+        )
     for name, unit in units.items():
         if known.get(name, unit) != unit:
             print(

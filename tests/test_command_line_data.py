@@ -60,6 +60,14 @@ def test_a_recording_as_people_have_it_is_diagnosed(folder, capsys):
     )
 
 
+@pytest.mark.parametrize("named", [True, False])
+def test_a_column_of_runs_that_no_option_names_is_said_aloud(folder, capsys, named):
+    words = ["diagnose", f"{folder / 'plant.py'}:plant", str(folder / "data.csv"), "--columns", "flow=q (m^3/s)"]
+    assert main([*words, "--effects", "sensor_bias", "--quiet", *(["--run", "experiment"] if named else [])]) == 0
+    said = [line for line in capsys.readouterr().err.splitlines() if "is not read" in line]
+    assert len(said) == (0 if named else 1) and all("--run experiment" in line for line in said)
+
+
 def test_the_exit_status_and_what_is_saved_tell_an_early_end(folder, capsys):
     words = [
         "diagnose",
@@ -176,7 +184,7 @@ def test_a_unit_in_the_option_stands_for_one_that_the_header_lacks(folder, capsy
 
 def test_an_effect_that_is_not_in_the_catalogue_is_said_in_one_line(folder, capsys):
     words = ["diagnose", f"{folder / 'plant.py'}:plant", str(folder / "data.csv"), "--columns", "flow=q (m^3/s)"]
-    assert main([*words, "--effects", "sensor_bia"]) == 2
+    assert main([*words, "--run", "experiment", "--effects", "sensor_bia"]) == 2
     assert capsys.readouterr().err.startswith(
         "sksurrogate: effects: 'sensor_bia' is not in the catalogue; did you mean"
     )
