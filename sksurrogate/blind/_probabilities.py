@@ -34,7 +34,7 @@ def name_stated(row: Row) -> list[tuple[float, bool]]:
 def class_stated(row: Row) -> list[tuple[float, bool]]:
     """Probability of each name that is given, and whether it, or a member of its class, acts.
 
-    Where sensors drift or differ the sensor's name is true. Parameters that the arm moved are not counted.
+    Where sensors drift or differ every name of a sensor is true. Parameters that the arm moved are not counted.
     """
     if row["verdict"] not in ("explained", "partial"):
         return []
@@ -47,7 +47,7 @@ def class_stated(row: Row) -> list[tuple[float, bool]]:
         ]
         moved = row["arm"] in ("detuned", "far") and any(name == "parameter_error" for name, _, _ in members)
         if effect.get("probability") is not None and not moved:
-            of_sensor = row["expected"] == "sensor" and effect["name"].startswith("sensor_")
+            of_sensor = row["expected"] == "sensor" and any(name.startswith("sensor_") for name, _, _ in members)
             pairs.append((float(effect["probability"]), of_sensor or bool(truths & set(members))))
     return pairs
 

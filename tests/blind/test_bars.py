@@ -85,7 +85,10 @@ def test_the_class_shares_the_probability_of_a_name():
     moved = as_dict(("parameter_error", "inertia", None), equivalents=[], probability=1.0)
     assert class_stated(made("far", effects=[moved])) == []
     sensor = as_dict(("sensor_drift", "speed", None), equivalents=[], probability=0.99)
-    assert class_stated(made("trends", verdict="explained", truths=[], effects=[sensor])) == [(0.99, True)]
+    same = as_dict(("drift", "speed", None), equivalents=[["sensor_drift", "speed", None]], probability=0.98)
+    alone = as_dict(("drift", "speed", None), equivalents=[], probability=0.97)
+    stated = class_stated(made("trends", verdict="explained", truths=[], effects=[sensor, same, alone]))
+    assert stated == [(0.99, True), (0.98, True), (0.97, False)]
 
 
 def test_the_error_of_calibration_is_the_distance_in_every_bin():
