@@ -10,7 +10,7 @@ import numpy as np
 from sksurrogate.exceptions import DataError
 
 
-def lag_list(lags: int | Sequence[int], first: int = 0, name: str = "lags") -> list[int]:
+def lag_list(lags: int | Sequence[int], first: int, name: str) -> list[int]:
     """The lags that an int (``first..lags``) or a list stands for, sorted."""
     whole = isinstance(lags, (int, np.integer)) and not isinstance(lags, bool)
     given: Any = lags
@@ -27,8 +27,8 @@ def lag_list(lags: int | Sequence[int], first: int = 0, name: str = "lags") -> l
 def lag_terms(lags: Any, names: Sequence[str], argument: str = "lags") -> list[tuple[int, int]]:
     """Column and lag of every feature; ``lags`` is for all columns, or a dict by name or position of some of them."""
     if not isinstance(lags, Mapping):
-        return [(j, k) for j in range(len(names)) for k in lag_list(lags, name=argument)]
-    wanted = [(_position(key, names, argument), lag_list(k, name=f"{argument}[{key!r}]")) for key, k in lags.items()]
+        return [(j, k) for j in range(len(names)) for k in lag_list(lags, 0, argument)]
+    wanted = [(_position(key, names, argument), lag_list(k, 0, f"{argument}[{key!r}]")) for key, k in lags.items()]
     return [(j, k) for j, listed in wanted for k in listed]
 
 

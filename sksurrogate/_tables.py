@@ -48,22 +48,22 @@ def no_inputs(y: Any, groups: Any) -> np.ndarray:
     return np.zeros((len(rows), 0))
 
 
-def as_table(X: Any, name: str) -> np.ndarray:
+def as_table(X: Any) -> np.ndarray:
     """A 2-D array of whatever dtype; 1-D and sparse are refused with the way out."""
     if hasattr(X, "toarray"):
-        raise DataError(f"{name} is sparse; sparse input is not supported here: pass {name}.toarray().")
+        raise DataError("X is sparse; sparse input is not supported here: pass X.toarray().")
     X = unmasked(X)
     table = X.to_numpy() if hasattr(X, "to_numpy") else np.asarray(X)
     if table.ndim == 1:
         raise DataError(
-            f"{name} is 1-D with shape {table.shape}, expected (n_samples, n_inputs): use {name}.reshape(-1, 1) for one input."
+            f"X is 1-D with shape {table.shape}, expected (n_samples, n_inputs): use X.reshape(-1, 1) for one input."
         )
     if table.ndim != 2:
         raise DataError(
-            f"{name} has shape {table.shape}, expected (n_samples, n_inputs); stack several runs with stack_runs."
+            f"X has shape {table.shape}, expected (n_samples, n_inputs); stack several runs with stack_runs."
         )
     if len(table) == 0:
-        raise DataError(f"{name} has no rows; at least one sample is needed.")
+        raise DataError("X has no rows; at least one sample is needed.")
     return table
 
 
@@ -82,7 +82,7 @@ def column_number(key: str | int, names: list[str] | None, n_columns: int, argum
     return int(key) % n_columns
 
 
-def raw_column(X: Any, table: np.ndarray, column: int) -> np.ndarray:
+def raw_column(table: np.ndarray, column: int) -> np.ndarray:
     """The column as the user wrote it (an object table would lose integer labels)."""
     values = np.asarray(table[:, column])
     if values.dtype == object:

@@ -166,13 +166,13 @@ def resolve_runs(
     frame = X if hasattr(X, "columns") else None
     names = [str(c) for c in frame.columns] if frame is not None else None
     labels = labels_from_index(frame) if run == "index" else None
-    table = as_table(X, "X")
+    table = as_table(X)
     n_samples = len(table)
     drop: list[int] = []
     if run is not None and run != "index":
         column = column_number(run, names, table.shape[1], "run")
         drop.append(column)
-        labels = raw_column(X, table, column)
+        labels = raw_column(table, column)
     clock = None
     if time is not None:
         column = column_number(time, names, table.shape[1], "time")

@@ -8,11 +8,12 @@ from typing import Any
 
 import numpy as np
 
+#: Quantile of the normal distribution at either end of a 90 % interval.
+Z_OF_90 = 1.645
 
-def wilson(hits: int, count: int, z: float = 1.645) -> tuple[float, float]:
-    """Wilson's score interval of a share; 90 % by default.
 
-    ``z``: quantile of the normal distribution.
+def wilson(hits: int, count: int) -> tuple[float, float]:
+    """Wilson's score interval of a share, 90 %.
 
     >>> low, high = wilson(49, 50)
     >>> round(low, 3), round(high, 3)
@@ -20,9 +21,9 @@ def wilson(hits: int, count: int, z: float = 1.645) -> tuple[float, float]:
     """
     if count == 0:
         return math.nan, math.nan
-    share, spread = hits / count, z * z / count
+    share, spread = hits / count, Z_OF_90 * Z_OF_90 / count
     middle = (share + spread / 2) / (1 + spread)
-    half = z * math.sqrt(share * (1 - share) / count + spread / (4 * count)) / (1 + spread)
+    half = Z_OF_90 * math.sqrt(share * (1 - share) / count + spread / (4 * count)) / (1 + spread)
     return max(middle - half, 0.0), min(middle + half, 1.0)
 
 
@@ -65,7 +66,7 @@ def mean(question: str, values: Sequence[float], bar: float, at_most: bool = Tru
     """A mean that should be small."""
     n = len(values)
     figure = float(np.mean(values)) if n else math.nan
-    half = 1.645 * float(np.std(values)) / math.sqrt(n) if n else math.nan
+    half = Z_OF_90 * float(np.std(values)) / math.sqrt(n) if n else math.nan
     sure = not figure - half < bar < figure + half
     return line(question, f"at most {bar:g}", figure, n, figure - half, figure + half, figure <= bar, sure)
 
@@ -75,7 +76,7 @@ def median(question: str, values: Sequence[float], bar: float, at_most: bool = F
     ordered, n = np.sort(np.asarray(values, dtype=float)), len(values)
     if not n:
         return line(question, "", math.nan, 0, math.nan, math.nan, False, False)
-    half = 1.645 * math.sqrt(n) / 2
+    half = Z_OF_90 * math.sqrt(n) / 2
     low = float(ordered[max(math.floor(n / 2 - half), 0)])
     high = float(ordered[min(math.ceil(n / 2 + half), n - 1)])
     figure = float(np.median(ordered))

@@ -16,6 +16,8 @@ from sksurrogate.blind._probabilities import reliability_points
 Row = Mapping[str, Any]
 
 BLUE, RED, GREEN, GREY = "#4878a8", "#b5482a", "#6a9a58", "#999999"
+#: Missing terms that are drawn at most.
+MOST_CURVES = 12
 
 
 def _figure(width: float, height: float) -> Any:
@@ -125,12 +127,12 @@ def _shrink(axes: Any, rows: Sequence[Row]) -> None:
     axes.legend(fontsize=8, loc="lower right", frameon=False)
 
 
-def missing_terms(rows: Sequence[Row], most: int = 12) -> Any:
+def missing_terms(rows: Sequence[Row]) -> Any:
     """Learned missing terms over the true ones, spread from the best to the worst; None where there are none."""
     some = sorted((row for row in rows if row.get("curve")), key=lambda row: -row["shape"])
     if not some:
         return None
-    some = [some[round(k)] for k in np.linspace(0, len(some) - 1, min(most, len(some)))]
+    some = [some[round(k)] for k in np.linspace(0, len(some) - 1, min(MOST_CURVES, len(some)))]
     columns = min(4, len(some))
     lines = -(-len(some) // columns)
     figure = _figure(2.7 * columns, 2.3 * lines)

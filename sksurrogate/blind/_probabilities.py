@@ -13,6 +13,8 @@ Row = Mapping[str, Any]
 
 #: Edges of the bins in which stated and true shares are compared.
 PROBABILITY_BINS = (0.0, 0.5, 0.8, 0.9, 0.95, 0.99, 1.0)
+#: Times that the names are drawn anew for the limits of the error of calibration.
+RESAMPLED = 400
 
 
 def name_stated(row: Row) -> list[tuple[float, bool]]:
@@ -63,7 +65,7 @@ def reliability_points(rows: Sequence[Row]) -> list[tuple[float, float, int]]:
     return [(float(stated[g].mean()), float(true[g].mean()), int(g.sum())) for g in groups if g.any()]
 
 
-def calibration_error(pairs: Sequence[tuple[float, bool]], draws: int = 400) -> tuple[float, float, float]:
+def calibration_error(pairs: Sequence[tuple[float, bool]]) -> tuple[float, float, float]:
     """Mean distance between stated and true shares over :data:`PROBABILITY_BINS`, and its 90 % limits by resampling the names.
 
     >>> round(calibration_error([(0.9, True)] * 9 + [(0.9, False)])[0], 6)
@@ -79,7 +81,7 @@ def calibration_error(pairs: Sequence[tuple[float, bool]], draws: int = 400) -> 
         return float(np.sum(np.abs(apart)) / len(some))
 
     rng = np.random.default_rng(0)
-    again = [error(rng.integers(len(stated), size=len(stated))) for _ in range(draws)]
+    again = [error(rng.integers(len(stated), size=len(stated))) for _ in range(RESAMPLED)]
     low, high = np.quantile(again, [0.05, 0.95])
     return error(np.arange(len(stated))), float(low), float(high)
 

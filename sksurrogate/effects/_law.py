@@ -197,7 +197,6 @@ class MemoryLawEffect(_Formula, HiddenEffect):  # type: ignore[misc, override]
 
     signature = "whatever no named effect explains, later than what drives it"
     drivers = ("state", "input")
-    free_start = False
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]

@@ -308,9 +308,7 @@ def _within(theta: np.ndarray, row_space: np.ndarray) -> np.ndarray:
     return Q @ (Q.T @ theta)
 
 
-def gcv_path(
-    data: Quadratic, penalty: Quadratic, alphas: np.ndarray, weight: float, spare: float = 0.0
-) -> tuple[np.ndarray, np.ndarray]:
+def gcv_path(data: Quadratic, penalty: Quadratic, alphas: np.ndarray, weight: float) -> tuple[np.ndarray, np.ndarray]:
     """Generalised cross-validation of ``data + alpha * penalty`` for all alphas from one factorisation.
 
     Both forms are made diagonal at once: in coordinates where ``H_data = 1 - mu`` and ``H_penalty = mu``, every alpha
@@ -318,7 +316,6 @@ def gcv_path(
 
     ``alphas`` (n_alphas,).
     ``weight``: N, the sum of the weights.
-    ``spare``: degrees of freedom used beside those of the parameters.
     Returns ``scores`` (n_alphas,): infinite where no degree of freedom is left.
     Returns ``dof`` (n_alphas,).
 
@@ -337,7 +334,7 @@ def gcv_path(
     denominator = np.maximum((1 - mu) + a * mu, EPSILON)
     theta = (b + a[:, :, None] * q) / denominator[:, :, None]
     rss = data.c - np.sum(theta * (2 * b - (1 - mu)[:, None] * theta), axis=1)
-    dof = np.sum((1 - mu) / denominator, axis=1) + spare
+    dof = np.sum((1 - mu) / denominator, axis=1)
     free = weight - dof
     # below this a residual is rounding, and would choose alpha by chance
     loss = np.maximum(rss, 1e-12 * data.c).sum(axis=1)

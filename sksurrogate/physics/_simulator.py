@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from typing import Any
@@ -259,6 +259,3 @@ def units_of(simulator: Any) -> dict[str, str]:
 def bounds_of(simulator: Any) -> dict[str, tuple[float, float]]:
     """Ranges outside of which parameters have no meaning, as far as a simulator knows them (those of a MuJoCo model)."""
     return dict(simulator.own_bounds()) if callable(getattr(simulator, "own_bounds", None)) else {}
-
-
-Rhs = Callable[[Any, np.ndarray, np.ndarray, Mapping[str, Any]], Any]
