@@ -19,7 +19,7 @@ from sksurrogate._fingerprint import fingerprint
 from sksurrogate._parallel._interrupts import workers
 from sksurrogate.blind._cases import ARMS, draw
 from sksurrogate.blind._follow import followed
-from sksurrogate.blind._own import plant_of
+from sksurrogate.blind._own_simulator import plant_of
 from sksurrogate.blind._records import RECORDS, as_recorded
 from sksurrogate.blind._retune import beyond_retuning
 from sksurrogate.blind._robot_arms import ROBOT_ARMS, draw_robot_case, score_robot_case

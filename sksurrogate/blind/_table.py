@@ -14,9 +14,9 @@ import numpy as np
 from sksurrogate._files import write_text
 from sksurrogate.blind import _summaries
 from sksurrogate.blind._cases import ARMS
+from sksurrogate.blind._criteria import PROMISES, TARGETS, judged
 from sksurrogate.blind._pictures import embedded, missing_terms, overview
 from sksurrogate.blind._probabilities import name_stated
-from sksurrogate.blind._questions import PROMISES, TARGETS, judged
 from sksurrogate.blind._robot_arms import ROBOT_ARMS
 from sksurrogate.exceptions import DataError
 

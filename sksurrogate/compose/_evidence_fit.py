@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from sklearn.utils.parallel import _get_threadpool_controller
 
-from sksurrogate.compose._elsewhere import Elsewhere
 from sksurrogate.compose._free_fit import Scaling, cut_pieces, displaced, small_weights
+from sksurrogate.compose._other_starts import OtherStarts
 from sksurrogate.kernels.net import LagNet
 from sksurrogate.kernels.shooting import FreeRunLoss, fit_free_run
 from sksurrogate.kernels.shooting_evidence import EvidenceFit, first_penalty, fit_by_evidence
@@ -30,7 +30,7 @@ SLOPE_ROWS = 4096
 
 
 @dataclass(frozen=True, eq=False)
-class Belief:
+class Posterior:
     """What a shooting fit knows of its weights and of the noise."""
 
     scaling: Scaling
@@ -77,7 +77,7 @@ def shoot_by_evidence(
     stability: float,
     n_starts: int,
     random_state: np.random.RandomState,
-) -> tuple[LagNet, Belief]:
+) -> tuple[LagNet, Posterior]:
     """The model in units of the data, and what is known of it.
 
     A network goes down from random weights under a strong penalty, and from the one-step fit (almost free, and by its
@@ -100,7 +100,7 @@ def shoot_by_evidence(
         if not found:
             raise FloatingPointError
         best = _chosen(found)
-    return scaling.raw(best.model), Belief(scaling, best, n_first)
+    return scaling.raw(best.model), Posterior(scaling, best, n_first)
 
 
 def _chosen(ends: list[EvidenceFit]) -> EvidenceFit:
@@ -117,14 +117,14 @@ def _ways(
     """Ends of the ways of a network, from one-step fits first; the reference itself where every other is refused."""
     starts = [model.at(small_weights(model.net, rng)) for _ in range(n_starts)]
     reference = fit_free_run(loss, starts, max_iter=REFERENCE_STEPS)[0]
-    guard = Elsewhere(reference, data.U, data.target, data.n_first, rng)
+    guard = OtherStarts(reference, data.U, data.target, data.n_first, rng)
     for alphas in (STARTING_PENALTIES, ("evidence",)):
         for alpha in alphas:
             start = _one_step(model, data, alpha, rng)
-            if start is not None and guard.holds(start):
-                yield fit_by_evidence(replace(loss, alpha=first_penalty(loss, start)), start, holds=guard.holds)
+            if start is not None and guard.accepts(start):
+                yield fit_by_evidence(replace(loss, alpha=first_penalty(loss, start)), start, accepts=guard.accepts)
                 break
-    down = fit_by_evidence(loss, reference, holds=guard.holds)
+    down = fit_by_evidence(loss, reference, accepts=guard.accepts)
     yield down if down is not None else fit_by_evidence(loss, reference, n_rounds=1)
 
 

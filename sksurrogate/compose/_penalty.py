@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from sksurrogate.compose._evidence_fit import Belief, shoot_by_evidence
+from sksurrogate.compose._evidence_fit import Posterior, shoot_by_evidence
 from sksurrogate.compose._free_fit import Scaling, shoot
 from sksurrogate.kernels.net import LagNet
 from sksurrogate.kernels.rollout import free_run
@@ -22,18 +22,18 @@ _TIMES, _AT_LEAST = 3.0, 0.1
 
 def shoot_with(
     alpha: Any, model: LagNet, runs: Sequence[Run], **settings: Any
-) -> tuple[LagNet, float, float, Belief | None]:
+) -> tuple[LagNet, float, float, Posterior | None]:
     """Fit on free runs.
 
     ``alpha``: None: 0.1 for networks, 0 for linear models.
     ``**settings``: of :func:`shoot`.
     Returns ``model``, ``loss``, ``alpha``.
-    Returns ``belief``: with "evidence".
+    Returns ``posterior``: with "evidence".
     """
     if alpha == "evidence":
-        model, belief = shoot_by_evidence(model, runs, **settings)
-        fit = belief.fit
-        return model, fit.loss.value(fit.model, fit.y), fit.loss.alpha, belief
+        model, posterior = shoot_by_evidence(model, runs, **settings)
+        fit = posterior.fit
+        return model, fit.loss.value(fit.model, fit.y), fit.loss.alpha, posterior
     if alpha is None:
         alpha = 0.1 if model.net.activations else 0.0
     if not isinstance(alpha, str):

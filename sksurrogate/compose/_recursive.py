@@ -13,7 +13,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from sksurrogate._dynamic import DIVERGED_RUN, FreeRunMixin, lengthened
 from sksurrogate._lags import lag_list
-from sksurrogate.compose._evidence_fit import Belief
+from sksurrogate.compose._evidence_fit import Posterior
 from sksurrogate.compose._lagged import (
     REPORTED,
     STAYS,
@@ -189,7 +189,7 @@ class RecursivePredictor(ShootingMixin, FreeRunMixin, BaseEstimator):
                 f"{label} {len(short)} rows (n_samples={len(short)}), but the longest lag {n} needs {n + 1}: give longer "
                 "runs or lower input_lags or output_lags."
             )
-        self._belief: Belief | None = None
+        self._posterior: Posterior | None = None
         wanted = self.loss == "one_step"
         quick = fit_linear_lags(self.estimator, runs, self.output_lags_, self.input_terms_, n) if wanted else None
         if quick is not None:

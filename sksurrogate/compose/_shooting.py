@@ -9,7 +9,7 @@ import numpy as np
 from sklearn.base import clone
 from sklearn.utils import check_random_state
 
-from sksurrogate.compose._evidence_fit import Belief
+from sksurrogate.compose._evidence_fit import Posterior
 from sksurrogate.compose._feature_fit import FeatureModel
 from sksurrogate.compose._lagged import barely_fitted, fitted
 from sksurrogate.compose._network import write_network
@@ -36,7 +36,7 @@ class ShootingMixin:
     y_mean_: np.ndarray
     y_spread_: np.ndarray
     one_step_rmse_: float
-    _belief: Belief | None
+    _posterior: Posterior | None
 
     def _shoot(self, runs: Runs, Phi: np.ndarray, target: np.ndarray) -> None:
         """Fit on free runs."""
@@ -48,9 +48,9 @@ class ShootingMixin:
             return
         settings = {"n_first": self.n_initial_, "horizon": self.horizon, "stability": self.stability}
         settings |= {"n_starts": self.n_starts, "random_state": check_random_state(self.random_state)}
-        found, self.shooting_loss_, self.alpha_, self._belief = shoot_with(self.alpha, model, list(runs), **settings)
-        if self._belief is not None:
-            self.noise_ = np.sqrt(self._belief.fit.evidence.noise) * self._belief.scaling.y_std
+        found, self.shooting_loss_, self.alpha_, self._posterior = shoot_with(self.alpha, model, list(runs), **settings)
+        if self._posterior is not None:
+            self.noise_ = np.sqrt(self._posterior.fit.evidence.noise) * self._posterior.scaling.y_std
         write_network(self.estimator_, found.net)
 
     def _shoot_features(self, runs: Runs, Phi: np.ndarray, target: np.ndarray) -> None:
@@ -79,15 +79,15 @@ class ShootingMixin:
 
     def _deviation(self, inputs: Sequence[np.ndarray], free: Sequence[np.ndarray]) -> list[np.ndarray]:
         """Standard deviation of new measurements along free runs, (n_steps, n_outputs) each."""
-        belief = self._belief
-        if belief is None:
+        posterior = self._posterior
+        if posterior is None:
             raise DataError(
                 'return_std=True needs a fit with loss="shooting" and alpha="evidence" of a network or linear model, '
                 "which knows the noise and how sure its weights are."
             )
         n = self.n_initial_
         return [
-            belief.deviation(U[None], y[None])[0] if len(U) > n else np.broadcast_to(self.noise_, y.shape)
+            posterior.deviation(U[None], y[None])[0] if len(U) > n else np.broadcast_to(self.noise_, y.shape)
             for U, y in zip(inputs, free)
         ]
 
@@ -110,7 +110,9 @@ class ShootingMixin:
                 f"y0 has {k} rows a run, but run {short.label!r} has {len(short)}: give no more than X has."
             )
         U, mean, spread = np.stack([run.X[:k] for run in runs]), self.y_mean_, self.y_spread_
-        size = self.one_step_rmse_ if self._belief is None else self.noise_  # what a step misses stands for the noise
+        size = (
+            self.one_step_rmse_ if self._posterior is None else self.noise_
+        )  # what a step misses stands for the noise
 
         def run_scaled(first: np.ndarray) -> np.ndarray:
             return (self._roll(U, first * spread + mean) - mean) / spread  # type: ignore[attr-defined]

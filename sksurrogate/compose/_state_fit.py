@@ -92,7 +92,7 @@ def fit_networks(
     best = min(fits, key=lambda fit: fit.cost)
     if not isinstance(alpha, str) or not np.isfinite(best.cost):
         return best, first
-    return fit_state_evidence(model, best, rows, outputs, starts, first, _Stays(model, rows, starts))
+    return fit_state_evidence(model, best, rows, outputs, starts, first, _StaysNear(model, rows, starts))
 
 
 def _grow(
@@ -107,7 +107,11 @@ def _grow(
     max_iter: int,
 ) -> StateFit:
     """Fits to pieces of growing length: whole runs from a poor start have no useful slope."""
-    longest, started, stays = int(np.diff(np.r_[starts, len(U)]).max()), (theta, x[starts]), _Stays(model, U, starts)
+    longest, started, stays = (
+        int(np.diff(np.r_[starts, len(U)]).max()),
+        (theta, x[starts]),
+        _StaysNear(model, U, starts),
+    )
     for horizon in PIECE_LENGTHS:
         if 2 * horizon <= longest:
             edges = zip(starts, np.r_[starts[1:], len(U)])
@@ -117,16 +121,16 @@ def _grow(
             if not stays(fit.theta, fit.x):
                 break
             theta, x = fit.theta, fit.x
-    fit = fit_output_error(model, theta, x[starts], U, Y, starts, alpha=alpha, max_iter=max_iter, holds=stays)
+    fit = fit_output_error(model, theta, x[starts], U, Y, starts, alpha=alpha, max_iter=max_iter, accepts=stays)
     if not fit.cost <= plain_cost:
         # pieces led away: whole runs from the linear model
         light = LIGHT * alpha
-        fit = fit_output_error(model, *started, U, Y, starts, alpha=light, max_iter=max_iter, holds=stays)
-        fit = fit_output_error(model, fit.theta, fit.x0, U, Y, starts, alpha=alpha, max_iter=max_iter, holds=stays)
+        fit = fit_output_error(model, *started, U, Y, starts, alpha=light, max_iter=max_iter, accepts=stays)
+        fit = fit_output_error(model, fit.theta, fit.x0, U, Y, starts, alpha=alpha, max_iter=max_iter, accepts=stays)
     return fit
 
 
-class _Stays:
+class _StaysNear:
     """Whether free runs that begin elsewhere stay near the trajectory: a fit alone does not see where they run to.
 
     A model may follow the training runs from their fitted initial states and leave for infinity from any other.

@@ -14,11 +14,11 @@ from sksurrogate.effects._at_work import acting_in, is_null, paired, values_of
 from sksurrogate.effects._catalogue import check_place
 from sksurrogate.effects._effect import BalanceEffect, BaseEffect, HiddenEffect, ParameterEffect, SensorEffect
 from sksurrogate.effects._free_run import augmented_states
-from sksurrogate.effects._leaving import graph_of, sampled_of, small_signal_of, steps_of
 from sksurrogate.effects._model import AugmentedModel, BoundModel
 from sksurrogate.effects._pointwise import acting_params, entering_at, term_at
 from sksurrogate.effects._small_signal import SampledPoint
 from sksurrogate.effects._smooth import KINK_SHARPNESS
+from sksurrogate.effects._state_space_forms import graph_of, sampled_of, small_signal_of, steps_of
 from sksurrogate.effects._trajectory import even_times, plain_runs, retuned_simulator, trajectory_runs
 from sksurrogate.exceptions import SimulatorError
 from sksurrogate.export._describe import SUBSTEPS

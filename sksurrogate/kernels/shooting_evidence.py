@@ -74,7 +74,7 @@ def fit_by_evidence(
     loss: FreeRunLoss,
     model: Any,
     *,
-    holds: Callable[[Any], bool] | None = None,
+    accepts: Callable[[Any], bool] | None = None,
     n_rounds: int = PENALTY_ROUNDS,
     n_steps: int = STEPS_IN_ROUND,
 ) -> EvidenceFit | None:
@@ -82,7 +82,7 @@ def fit_by_evidence(
 
     ``loss``: its ``alpha`` is where the path begins.
     ``model``: start; its free runs must be finite.
-    ``holds`` (model) -> bool: the path ends before the first model that it refuses.
+    ``accepts`` (model) -> bool: the path ends before the first model that it refuses.
     Returns None where the start is refused, or its free runs are not finite.
     """
     found: EvidenceFit | None = None
@@ -90,7 +90,7 @@ def fit_by_evidence(
     before = np.inf
     for _ in range(n_rounds):
         model, value, y = descend(loss, model, n_steps, 1e-6, y)
-        if not np.isfinite(value) or (holds is not None and not holds(model)):
+        if not np.isfinite(value) or (accepts is not None and not accepts(model)):
             return found
         e = loss.errors(y)
         evidence = _weighed(loss, model, _gram(loss, model, y), e, correlation_length(e))

@@ -44,11 +44,11 @@ def fit_state_evidence(
     Y: np.ndarray,
     starts: np.ndarray,
     alpha: float,
-    holds: Callable[[np.ndarray, np.ndarray], bool],
+    accepts: Callable[[np.ndarray, np.ndarray], bool],
 ) -> tuple[StateFit, float]:
     """Follow the minimum from ``alpha`` to the penalty of the largest evidence; the fit and its penalty.
 
-    The way ends where neither the penalty moves nor a round gains half a nat. Steps to models that ``holds`` refuses are not taken.
+    The way ends where neither the penalty moves nor a round gains half a nat. Steps to models that ``accepts`` refuses are not taken.
     """
     steps, before, count = fit.n_iter, np.inf, max(int(np.isfinite(Y).sum()), 1)
     for _ in range(PENALTY_ROUNDS):
@@ -59,7 +59,7 @@ def fit_state_evidence(
         before = fit.cost
         alpha *= float(np.exp(np.clip(change, -LARGEST_LOG_CHANGE, LARGEST_LOG_CHANGE)))
         fit = fit_output_error(
-            model, fit.theta, fit.x0, U, Y, starts, alpha=alpha, max_iter=STEPS_BETWEEN, tol=1e-4, holds=holds
+            model, fit.theta, fit.x0, U, Y, starts, alpha=alpha, max_iter=STEPS_BETWEEN, tol=1e-4, accepts=accepts
         )
         steps += fit.n_iter
     return StateFit(fit.theta, fit.x0, fit.x, fit.cost, steps), alpha

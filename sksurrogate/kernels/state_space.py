@@ -281,7 +281,7 @@ def fit_output_error(
     alpha: float = 0.0,
     max_iter: int = 100,
     tol: float = 1e-6,
-    holds: Callable[[np.ndarray, np.ndarray], bool] | None = None,
+    accepts: Callable[[np.ndarray, np.ndarray], bool] | None = None,
 ) -> StateFit:
     """Levenberg-Marquardt on the free run, parameters and the initial state of every run together.
 
@@ -292,7 +292,7 @@ def fit_output_error(
     ``starts`` int (n_runs,).
     ``alpha``: penalty on the networks' weights beside the mean squared error.
     ``max_iter, tol``: steps at most; relative decrease at which it stops.
-    ``holds`` (theta, x) -> bool: steps to parameters that it refuses are not taken.
+    ``accepts`` (theta, x) -> bool: steps to parameters that it refuses are not taken.
     """
     objective = OutputErrorLoss(model, U, Y, starts, alpha)
     cost, x = objective.cost(theta, x0, None)
@@ -317,7 +317,7 @@ def fit_output_error(
             own_step = np.einsum("rnm,rm->rn", inverse, own_gradient - np.tensordot(couple, step, axes=([1], [0])))
             trial, trial_x0 = theta - step, x0 - own_step
             new, x_new = objective.cost(trial, trial_x0, x)
-            if new < cost and (holds is None or holds(trial, x_new)):
+            if new < cost and (accepts is None or accepts(trial, x_new)):
                 theta, x0, cost, x, damping = trial, trial_x0, new, x_new, max(damping / 5, 1e-10)
                 break
             damping *= 4

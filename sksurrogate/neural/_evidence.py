@@ -21,7 +21,7 @@ EVIDENCE_ROUNDS, LARGEST_PENALTY_CHANGE, EVIDENCE_SETTLED = 12, 2.3, 0.05
 
 
 @dataclass(frozen=True, eq=False)
-class Belief:
+class Posterior:
     """What is known of a network's weights and of the noise, for standardised data."""
 
     layers: Layers
@@ -43,12 +43,12 @@ class Belief:
         return np.sqrt(variance).T * self.rows.gain
 
 
-def train_by_evidence(solver: str, plan: Plan, rows: Rows, torch: Torch) -> tuple[Trained, Plan, Belief]:
+def train_by_evidence(solver: str, plan: Plan, rows: Rows, torch: Torch) -> tuple[Trained, Plan, Posterior]:
     """Levenberg-Marquardt from random starts, then from its end with the penalty weighed again until it settles.
 
     Returns ``trained``.
     Returns ``plan``: with the penalty.
-    Returns ``belief``.
+    Returns ``posterior``.
     """
     if solver != "lm" or "binary_step" in plan.activations or rows.smooth is not None:
         raise DataError(
@@ -73,7 +73,7 @@ def train_by_evidence(solver: str, plan: Plan, rows: Rows, torch: Torch) -> tupl
     evidence = _weighed(plan, rows, outcome.layers)
     kept = replace(rows, X=rows.X[:0].copy(), Y=rows.Y[:0].copy(), weights=None)
     noise = evidence.noise * _shares(outcome.layers, rows)
-    return replace(trained, outcome=outcome), plan, Belief(outcome.layers, evidence, noise, kept)
+    return replace(trained, outcome=outcome), plan, Posterior(outcome.layers, evidence, noise, kept)
 
 
 def _shares(layers: Layers, rows: Rows) -> np.ndarray:

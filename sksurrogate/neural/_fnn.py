@@ -18,7 +18,7 @@ from sksurrogate._checks import checked
 from sksurrogate._tables import unmasked
 from sksurrogate.exceptions import DataError
 from sksurrogate.neural._callbacks import CallbackSupportMixin, Tasks, with_callbacks
-from sksurrogate.neural._evidence import Belief, train_by_evidence
+from sksurrogate.neural._evidence import Posterior, train_by_evidence
 from sksurrogate.neural._net_access import NetAccess
 from sksurrogate.neural._network import ACTIVATIONS
 from sksurrogate.neural._problems import Rows
@@ -329,14 +329,14 @@ class FNNRegressor(CallbackSupportMixin, NetAccess, MultiOutputMixin, RegressorM
 
     def _trained_on(self, rows: Rows, plan: Plan, validation: Validation | None) -> tuple[Trained, Plan]:
         """The trained network, and the plan with the penalty used."""
-        self._belief: Belief | None = None
+        self._posterior: Posterior | None = None
         self.__dict__.pop("noise_", None)
         if self.alpha != "evidence":
             return train(self.solver_, plan, rows, validation, self._torch()), plan
         if self.early_stopping:
             raise DataError('early_stopping=True and alpha="evidence" both keep from overfitting: take one of them.')
-        trained, plan, self._belief = train_by_evidence(self.solver_, plan, rows, self._torch())
-        self.noise_ = np.sqrt(self._belief.noise) * rows.gain
+        trained, plan, self._posterior = train_by_evidence(self.solver_, plan, rows, self._torch())
+        self.noise_ = np.sqrt(self._posterior.noise) * rows.gain
         return trained, plan
 
     def _begin(self, X: Any, y: Any, sample_weight: Any) -> tuple[Rows, Plan, str]:

@@ -9,7 +9,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from sksurrogate._checks import checked
 from sksurrogate.exceptions import DataError
-from sksurrogate.neural._evidence import Belief
+from sksurrogate.neural._evidence import Posterior
 from sksurrogate.neural._network import Layers
 from sksurrogate.neural._settings import read_device, read_options
 from sksurrogate.neural._training import GRADIENT
@@ -20,7 +20,7 @@ class NetAccess:
 
     _layers: Layers
     _one_column: bool
-    _belief: Belief | None
+    _posterior: Posterior | None
     solver_: str
     dtype: str
     device: str
@@ -48,9 +48,9 @@ class NetAccess:
         X = checked(self, X, reset=False, dtype=np.float64)
         parts = [self._layers(X)]
         if return_std:
-            if getattr(self, "_belief", None) is None:
+            if getattr(self, "_posterior", None) is None:
                 raise DataError('return_std=True needs a fit with alpha="evidence", which knows the noise.')
-            parts.append(self._belief.deviation(np.asarray(X[:])))  # type: ignore[union-attr]
+            parts.append(self._posterior.deviation(np.asarray(X[:])))  # type: ignore[union-attr]
         found = [part[:, 0] if self._one_column else part for part in parts]
         return tuple(found) if return_std else found[0]
 

@@ -27,7 +27,7 @@ from sksurrogate.kernels.smoother import noise_of_differences
 from sksurrogate.physics._asked import asked_bounds, asked_names, asked_priors, initial_states, nominal_values
 from sksurrogate.physics._begin import coarse_start
 from sksurrogate.physics._fit_model import FitModel
-from sksurrogate.physics._intervals import known
+from sksurrogate.physics._intervals import uncertainty_of
 from sksurrogate.physics._model import PlantModel
 from sksurrogate.physics._not_finite import not_finite_along
 from sksurrogate.physics._prepare import prepared
@@ -224,12 +224,12 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
         self.at_bound_ = {name: bool(flag) for name, flag in zip(names, at_bound)}
         J_x = lin.J_x if self.fit_x0 else lin.J_x[:, :0]
         held = prior.precision, record.known
-        what = known(lin.J_theta, J_x, residual, sd, record.starts, unit, self.confidence, at_bound, *held)
-        self.covariance_ = what.covariance
-        ends = np.clip(fit.theta - what.width, low, high), np.clip(fit.theta + what.width, low, high)
+        found = uncertainty_of(lin.J_theta, J_x, residual, sd, record.starts, unit, self.confidence, at_bound, *held)
+        self.covariance_ = found.covariance
+        ends = np.clip(fit.theta - found.width, low, high), np.clip(fit.theta + found.width, low, high)
         self.intervals_ = {name: (float(a), float(b)) for name, a, b in zip(names, *ends)}
-        self.identifiable_ = {name: not bool(flag) for name, flag in zip(names, what.loose)}
-        self.unidentified_ = [{n: float(v) for n, v in zip(names, row) if abs(v) > 1e-3} for row in what.null]
+        self.identifiable_ = {name: not bool(flag) for name, flag in zip(names, found.loose)}
+        self.unidentified_ = [{n: float(v) for n, v in zip(names, row) if abs(v) > 1e-3} for row in found.null]
         self.simulator_ = clone(self.simulator).set_params(**{f"params__{k}": v for k, v in self.params_.items()})
         self.y_is_1d_ = runs.y_is_1d
         return self

@@ -14,7 +14,7 @@ _WEAK = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Knowledge:
+class Uncertainty:
     """Uncertainty of k parameters."""
 
     covariance: np.ndarray  #: (k, k): nan where the data do not fix all of them
@@ -23,10 +23,10 @@ class Knowledge:
     null: np.ndarray  #: (n, k): directions, in units of ``unit``, that leave the outputs as they are
 
 
-def known(
+def uncertainty_of(
     J_theta: np.ndarray, J_x: np.ndarray, residual: np.ndarray, sd: np.ndarray, starts: np.ndarray, unit: np.ndarray,
     confidence: float, fixed: np.ndarray, precision: np.ndarray | None = None, measured: np.ndarray | None = None,
-) -> Knowledge:  # fmt: skip
+) -> Uncertainty:  # fmt: skip
     """Linearised, initial states projected out run by run, a memory of the residual taken into account.
 
     ``J_theta`` (n_outputs, k, n_samples).
@@ -57,7 +57,7 @@ def known(
         owns.append(U)
         blocks.append(shared.reshape(n_outputs, b - a, k))
     if not k:
-        return Knowledge(np.zeros((0, 0)), np.zeros(0), np.zeros(0, bool), np.zeros((0, 0)))
+        return Uncertainty(np.zeros((0, 0)), np.zeros(0), np.zeros(0, bool), np.zeros((0, 0)))
     held = np.zeros(k) if precision is None else np.where(fixed, 0.0, precision * unit**2)
     rows = [*(block.reshape(-1, k) for block in blocks), np.diag(np.sqrt(held))[held > 0]]
     R = np.linalg.qr(np.concatenate(rows), mode="r")
@@ -78,7 +78,7 @@ def known(
     width = float(stdtrit(max(freedom / slowest, min(freedom, 3.0)), 0.5 + confidence / 2)) * np.sqrt(
         np.maximum(np.diag(covariance), 0.0)
     )
-    return Knowledge(
+    return Uncertainty(
         np.full_like(covariance, np.nan) if len(null) else covariance, np.where(loose, np.inf, width), loose, null
     )
 

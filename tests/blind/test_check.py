@@ -348,7 +348,7 @@ def own(**more):
 
 
 def test_a_simulator_of_your_own(solver):
-    from sksurrogate.blind._own import plant_of
+    from sksurrogate.blind._own_simulator import plant_of
 
     U = np.repeat(np.random.default_rng(0).uniform(-1, 1, 24), 5)[:, None]
     plant, runs = plant_of(own(), X=U, groups=np.repeat([0, 1], 60), x0_spread=[0.1, 0.1])

@@ -6,7 +6,7 @@ from sklearn.linear_model import LinearRegression
 from sklearn.neural_network import MLPRegressor
 
 from sksurrogate.compose import RecursivePredictor
-from sksurrogate.compose._elsewhere import Elsewhere
+from sksurrogate.compose._other_starts import OtherStarts
 from sksurrogate.datasets import make_reactor_runs
 from sksurrogate.exceptions import DataError
 from sksurrogate.kernels import shooting_evidence
@@ -43,10 +43,10 @@ def test_the_noise_is_the_planted_one_and_weights_are_as_sure_as_they_say():
     coefs, stds, noises = [], [], []
     for seed in range(12):
         model = linear(0.3, seed, 8)
-        scale = model._belief.scaling
+        scale = model._posterior.scaling
         factor = np.r_[1.0, 1.0, np.full(2, scale.y_std[0] / scale.u_std[0])]
         coefs.append(model.estimator_.coef_)
-        stds.append(factor * np.sqrt(np.diag(model._belief.fit.evidence.covariance))[:4])
+        stds.append(factor * np.sqrt(np.diag(model._posterior.fit.evidence.covariance))[:4])
         noises.append(model.noise_[0])
     away = (np.array(coefs) - [1.2, -0.5, 1.0, 0.3]) / np.array(stds)
     assert np.mean(noises) == pytest.approx(0.3, rel=0.06)  # the noise of the first rows counts too
@@ -129,17 +129,17 @@ def test_what_leaves_grows_or_does_not_forget_is_refused():
     rng = np.random.RandomState(0)
     U = rng.normal(size=(5, 80, 1))
     y = free_run(affine(0.8), U, rng.normal(size=(5, 1, 1)))
-    guard = Elsewhere(affine(0.7), U, y, 1, rng)
-    assert guard.holds(affine(0.8)) and guard.holds(affine(0.85))
-    assert not guard.holds(affine(0.999)) and not guard.holds(affine(1.2))
+    guard = OtherStarts(affine(0.7), U, y, 1, rng)
+    assert guard.accepts(affine(0.8)) and guard.accepts(affine(0.85))
+    assert not guard.accepts(affine(0.999)) and not guard.accepts(affine(1.2))
     bistable = Net(
         (np.array([[3.0], [0.1]]), np.array([[2.0]])), (np.zeros(1), np.zeros(1)), ("tanh",), *np.eye(2)[::-1]
     )
-    assert not guard.holds(LagNet(bistable, (1,), ((0, 0),), 1))
+    assert not guard.accepts(LagNet(bistable, (1,), ((0, 0),), 1))
     # a plant that never forgets is not asked to: an integrator beside an integrator
     drift = free_run(affine(1.0, 0.1), U, rng.normal(size=(5, 1, 1)))
-    assert Elsewhere(affine(0.99, 0.1), U, drift, 1, rng).holds(affine(1.0, 0.1))
-    assert Elsewhere(affine(0.7), U[:1], y[:1], 1, rng).holds(affine(0.8))  # one run
+    assert OtherStarts(affine(0.99, 0.1), U, drift, 1, rng).accepts(affine(1.0, 0.1))
+    assert OtherStarts(affine(0.7), U[:1], y[:1], 1, rng).accepts(affine(0.8))  # one run
 
 
 @pytest.mark.slow

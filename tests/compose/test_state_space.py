@@ -6,7 +6,7 @@ from scipy.linalg import solve_discrete_lyapunov
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
 from sksurrogate.compose import StateSpaceRegressor
-from sksurrogate.compose._state_fit import _padded, _Stays
+from sksurrogate.compose._state_fit import _padded, _StaysNear
 from sksurrogate.datasets import make_reactor_runs
 from sksurrogate.exceptions import DataError
 from sksurrogate.kernels.state_model import Block, StateModel
@@ -206,7 +206,7 @@ def test_steps_to_models_that_run_away_from_another_start_are_not_taken():
     model = StateModel(1, 1, 1)
     fading, growing = (model.affine(*[np.array(v, ndmin=k) for v, k in zip((a, 1, 1, 0, 0, 0), (2, 2, 2, 2, 1, 1))])
                        for a in (0.9, 1.1))  # fmt: skip
-    stays, x = _Stays(model, U, np.array([0])), np.linspace(-1, 1, 200)[:, None]
+    stays, x = _StaysNear(model, U, np.array([0])), np.linspace(-1, 1, 200)[:, None]
     assert stays(fading, x)
     assert not stays(growing, x)
     X, y, _, _ = planted(n_runs=1)
@@ -214,8 +214,8 @@ def test_steps_to_models_that_run_away_from_another_start_are_not_taken():
         0.5 * np.eye(2), np.ones((2, 1)), np.ones((1, 2)), np.zeros((1, 1)), np.zeros(2), np.zeros(1)
     )
     fits = [
-        fit_output_error(StateModel(2, 1, 1), started, np.zeros((1, 2)), X, y[:, None], np.array([0]), holds=holds)
-        for holds in (None, lambda theta, x: bool(np.abs(theta).max() <= 1.0), lambda theta, x: False)
+        fit_output_error(StateModel(2, 1, 1), started, np.zeros((1, 2)), X, y[:, None], np.array([0]), accepts=accepts)
+        for accepts in (None, lambda theta, x: bool(np.abs(theta).max() <= 1.0), lambda theta, x: False)
     ]
     assert fits[0].cost <= fits[1].cost <= fits[2].cost and np.abs(fits[1].theta).max() <= 1.0
     np.testing.assert_array_equal(fits[2].theta, started)

@@ -6,7 +6,7 @@ import warnings
 import numpy as np
 import pytest
 
-from sksurrogate.blind._own import plant_of
+from sksurrogate.blind._own_simulator import plant_of
 from sksurrogate.compose import HybridRegressor
 from sksurrogate.datasets import simulate_experiments
 from sksurrogate.effects import CATALOGUE, AugmentedSimulator

@@ -20,7 +20,7 @@ LEAVES_RANGE = 0.3
 LOST_SPREADS = 1e6
 
 
-class Elsewhere:
+class OtherStarts:
     """Free runs over the training inputs from other runs' rows, from the ends of the outputs' range and from rough rows.
 
     A strongly penalised model is the reference: what it forgets the plant forgets too, as far as anybody knows, and
@@ -66,6 +66,6 @@ class Elsewhere:
         """What is accepted beside a reference."""
         return np.array([max(reference[0], 0.0) + LEAVES_RANGE, *(TIMES_REFERENCE * reference[1:] + AT_LEAST)])
 
-    def holds(self, model: Any) -> bool:
+    def accepts(self, model: Any) -> bool:
         """Whether a fit is accepted."""
         return bool(np.all(self.reach(model) <= self.limits))

@@ -29,7 +29,7 @@ PARTIAL_CATALOGUE_ARMS = ("outside", "outside_disturbed")
 
 
 @dataclass(frozen=True)
-class Question:
+class Criterion:
     """A question about the cases of some arms: their values, the figure made of these, and the bar that it has to clear."""
 
     text: str
@@ -40,8 +40,8 @@ class Question:
     at_most: bool = False  #: The bar is an upper one; of a share, values say which answers are bad
 
 
-def judged(questions: Sequence[Question], rows: Rows) -> list[dict[str, Any]]:
-    """One line for each question of which there are cases.
+def judged(criteria: Sequence[Criterion], rows: Rows) -> list[dict[str, Any]]:
+    """One line for each criterion of which there are cases.
 
     ``rows``: rows of a blind check; of cases that could not be drawn nothing is asked.
     Returns list of dict: question, bar, figure, cases, low, high (90 %: Wilson's for shares, order statistics for
@@ -50,7 +50,7 @@ def judged(questions: Sequence[Question], rows: Rows) -> list[dict[str, Any]]:
     """
     drawn = [row for row in rows if row.get("right") is not None]
     found = []
-    for one in questions:
+    for one in criteria:
         values = one.values([row for row in drawn if not one.arms or row["arm"] in one.arms])
         found.append(one.figure(one.text, values, one.bar, one.at_most))
     return [line for line in found if line["cases"]]
@@ -143,52 +143,52 @@ def known_where_closed(rows: Rows) -> list[bool]:
 
 # ---- questions ------------------------------------------------------------------------------------------------------
 #: What a diagnosis promises.
-PROMISES: tuple[Question, ...] = (
-    Question("one effect, in all runs, a region or a time: named, nothing else", ("effect", "region", "time", "onset"), right, 0.98),
-    Question("one effect, runs of unequal lengths: named, nothing else", ("unequal",), right, 0.98),
-    Question("one effect, parameters 20 % off: named, nothing else", ("far",), right, 0.95),
-    Question("one effect, 6 to 12 states: named, nothing else", ("big",), right, 0.98),
-    Question("two effects: both named, nothing else", ("two",), right, 0.94),
-    Question("three effects: all named, nothing else", ("three",), right, 0.90),
-    Question("a form that is not the catalogue's: its name, explained or partial, nothing else", ("inexact",), right, 0.95),
-    Question("no effect (white, coloured, disturbed, spikes, tails, unreached): false names",
+PROMISES: tuple[Criterion, ...] = (
+    Criterion("one effect, in all runs, a region or a time: named, nothing else", ("effect", "region", "time", "onset"), right, 0.98),
+    Criterion("one effect, runs of unequal lengths: named, nothing else", ("unequal",), right, 0.98),
+    Criterion("one effect, parameters 20 % off: named, nothing else", ("far",), right, 0.95),
+    Criterion("one effect, 6 to 12 states: named, nothing else", ("big",), right, 0.98),
+    Criterion("two effects: both named, nothing else", ("two",), right, 0.94),
+    Criterion("three effects: all named, nothing else", ("three",), right, 0.90),
+    Criterion("a form that is not the catalogue's: its name, explained or partial, nothing else", ("inexact",), right, 0.95),
+    Criterion("no effect (white, coloured, disturbed, spikes, tails, unreached): false names",
              ("none", "coloured", "disturbed", "spikes", "tails", "unexcited"), false_names, 0.01, at_most=True),
-    Question("sensors that drift or differ from run to run: none, or the sensor's name", ("trends",), right, 0.99),
-    Question("taken out of the catalogue: unknown, partial without a false name, or imitated",
+    Criterion("sensors that drift or differ from run to run: none, or the sensor's name", ("trends",), right, 0.99),
+    Criterion("taken out of the catalogue: unknown, partial without a false name, or imitated",
              ("outside", "novel", "outside_disturbed"), right, 0.95),
-    Question("stated probability: error of calibration", (), probabilities, 0.02, calibration, at_most=True),
-    Question("stated 0.99 and more: true", (), certain_names, 0.985),
-    Question("budget: closed share stated less closed on unseen runs", (), budget_errors, 0.05, median, at_most=True),
-    Question("right names that close more than 95 % on unseen runs: not called unknown", (), known_where_closed, 1.0),
+    Criterion("stated probability: error of calibration", (), probabilities, 0.02, calibration, at_most=True),
+    Criterion("stated 0.99 and more: true", (), certain_names, 0.985),
+    Criterion("budget: closed share stated less closed on unseen runs", (), budget_errors, 0.05, median, at_most=True),
+    Criterion("right names that close more than 95 % on unseen runs: not called unknown", (), known_where_closed, 1.0),
 )  # fmt: skip
 
 #: What single arms should reach, and in what time.
-TARGETS: tuple[Question, ...] = (
-    Question("one effect: named, nothing else", ("effect",), right, 0.98),
-    Question("one effect: mean size of the class", ("effect",), class_sizes, 2.5, mean, at_most=True),
-    Question("one effect: its place or an exact twin's", ("effect",), places, 0.98),
-    Question("one effect in a region: named, nothing else", ("region",), right, 0.98),
-    Question("one effect from some time on: named, nothing else", ("time",), right, 0.98),
-    Question("two effects: both named, nothing else", ("two",), right, 0.93),
-    Question("weak effect: in the class", ("weak",), in_the_class, 0.95),
-    Question("weak effect: mean size of the class", ("weak",), class_sizes, 4.0, mean, at_most=True),
-    Question("parameters off by 8 %: named, nothing else", ("detuned",), right, 0.95),
-    Question("the same, where re-tuning leaves a gap of 4 x noise", ("detuned",), right_beyond_retuning, 0.95),
-    Question("beside a disturbance: named, nothing else", ("effect_disturbed",), right, 0.95),
-    Question("no effect, white noise: false names", ("none",), any_names, 0.02, at_most=True),
-    Question("no effect, coloured disturbance: false names", ("disturbed",), any_names, 0.03, at_most=True),
-    Question("no effect, coloured sensor noise: false names", ("coloured",), any_names, 0.05, at_most=True),
-    Question("effect never reached: false names", ("unexcited",), any_names, 0.02, at_most=True),
-    Question("outside the catalogue: unknown", ("outside", "novel"), right, 0.97),
-    Question("outside the catalogue: its place or an exact twin's", ("outside", "novel"), places, 0.95),
-    Question("outside the catalogue, beside a disturbance: unknown", ("outside_disturbed",), right, 0.95),
-    Question("90 % intervals that hold the truth", NAMED_ARMS, covered, (0.85, 0.95), share_between),
-    Question("shrink on runs nobody fitted (the true effect with its true parameters: 1)", ("effect",), shrink, 0.98, median),
-    Question("shrink over that of the true effect refitted", ("effect",), shrink_over_oracle, 0.98, median),
-    Question("seconds, 2 to 4 states, 6 x 300 samples, the whole catalogue", (), partial(time_taken, partial_catalogue=False),
+TARGETS: tuple[Criterion, ...] = (
+    Criterion("one effect: named, nothing else", ("effect",), right, 0.98),
+    Criterion("one effect: mean size of the class", ("effect",), class_sizes, 2.5, mean, at_most=True),
+    Criterion("one effect: its place or an exact twin's", ("effect",), places, 0.98),
+    Criterion("one effect in a region: named, nothing else", ("region",), right, 0.98),
+    Criterion("one effect from some time on: named, nothing else", ("time",), right, 0.98),
+    Criterion("two effects: both named, nothing else", ("two",), right, 0.93),
+    Criterion("weak effect: in the class", ("weak",), in_the_class, 0.95),
+    Criterion("weak effect: mean size of the class", ("weak",), class_sizes, 4.0, mean, at_most=True),
+    Criterion("parameters off by 8 %: named, nothing else", ("detuned",), right, 0.95),
+    Criterion("the same, where re-tuning leaves a gap of 4 x noise", ("detuned",), right_beyond_retuning, 0.95),
+    Criterion("beside a disturbance: named, nothing else", ("effect_disturbed",), right, 0.95),
+    Criterion("no effect, white noise: false names", ("none",), any_names, 0.02, at_most=True),
+    Criterion("no effect, coloured disturbance: false names", ("disturbed",), any_names, 0.03, at_most=True),
+    Criterion("no effect, coloured sensor noise: false names", ("coloured",), any_names, 0.05, at_most=True),
+    Criterion("effect never reached: false names", ("unexcited",), any_names, 0.02, at_most=True),
+    Criterion("outside the catalogue: unknown", ("outside", "novel"), right, 0.97),
+    Criterion("outside the catalogue: its place or an exact twin's", ("outside", "novel"), places, 0.95),
+    Criterion("outside the catalogue, beside a disturbance: unknown", ("outside_disturbed",), right, 0.95),
+    Criterion("90 % intervals that hold the truth", NAMED_ARMS, covered, (0.85, 0.95), share_between),
+    Criterion("shrink on runs nobody fitted (the true effect with its true parameters: 1)", ("effect",), shrink, 0.98, median),
+    Criterion("shrink over that of the true effect refitted", ("effect",), shrink_over_oracle, 0.98, median),
+    Criterion("seconds, 2 to 4 states, 6 x 300 samples, the whole catalogue", (), partial(time_taken, partial_catalogue=False),
              3.0, median, at_most=True),
-    Question("processor seconds of two cores, the same", (),
+    Criterion("processor seconds of two cores, the same", (),
              partial(time_taken, partial_catalogue=False, key="processor_seconds"), 6.0, median, at_most=True),
-    Question("seconds where the true effect is taken out of the catalogue", (), partial(time_taken, partial_catalogue=True),
+    Criterion("seconds where the true effect is taken out of the catalogue", (), partial(time_taken, partial_catalogue=True),
              3.0, median, at_most=True),
 )  # fmt: skip
