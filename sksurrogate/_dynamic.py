@@ -251,7 +251,9 @@ class FreeRunMixin(RegressorMixin, ABC):
         """Outputs at the first rows of every run, (n_runs, n_initial, n_outputs)."""
         n, o = self.n_initial_, len(self.y_mean_)
         if isinstance(y0, str):
-            raise DataError(f"{name}={y0!r} must hold outputs, ({n}, {o}); a policy is the constructor's: init={y0!r}.")
+            raise DataError(
+                f"{name}={y0!r}: expected the outputs at the first rows, an array ({n}, {o}); a word is for the constructor, init={y0!r}."
+            )
         given = np.asarray(y0, dtype=float)
         if o == 1 and given.shape in ((n,), (len(runs), n)):
             given = given[..., None]

@@ -162,7 +162,9 @@ def _options(cases: Any, n_jobs: Any, follow_up: Any, resume: Any, record: Any, 
     if resume is not None and Path(resume).is_dir():
         raise SurrogateError(f"resume={str(resume)!r} is a folder: name a file in it.")
     if resume is not None and not Path(resume).absolute().parent.is_dir():
-        raise SurrogateError(f"resume={str(resume)!r}: there is no folder {str(Path(resume).absolute().parent)!r}.")
+        raise SurrogateError(
+            f"resume={str(resume)!r}: there is no folder {str(Path(resume).absolute().parent)!r}; make it first."
+        )
 
 
 def _entropy(seed: int, k: int) -> int:

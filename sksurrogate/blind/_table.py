@@ -57,10 +57,14 @@ class BlindResult:
             The file is not there or holds other lines.
         """
         if not Path(path).is_file():
-            raise DataError(f"path={str(path)!r}: there is no such file.")
+            raise DataError(
+                f"path={str(path)!r}: there is no such file in {Path.cwd()}; name the one that resume= of run_blind_check wrote."
+            )
         rows = stored_rows(path)
         if not rows:
-            raise DataError(f"path={str(path)!r} holds no row of a blind check (JSON lines).")
+            raise DataError(
+                f"path={str(path)!r} holds no row of a blind check (JSON lines); name the file that resume= of run_blind_check wrote."
+            )
         return cls(tuple(rows))
 
     def scores(self, by: str = "arm") -> list[dict[str, Any]]:

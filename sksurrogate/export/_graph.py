@@ -181,14 +181,16 @@ class Graph:
     def _values(self, given: Mapping[str, Any]) -> tuple[list[np.ndarray], bool]:
         missing = sorted(set(self.inputs) - set(given))
         if missing or set(given) - set(self.inputs):
-            raise ValueError(f"the graph has the inputs {list(self.inputs)}, but {sorted(given)} were given.")
+            raise ValueError(f"the graph needs the inputs {list(self.inputs)} by name, but {sorted(given)} were given.")
         rows = {name: np.asarray(value, dtype=float) for name, value in given.items()}
         flat = all(value.ndim == 1 for value in rows.values())
         rows = {name: np.atleast_2d(value) for name, value in rows.items()}
         for name, value in rows.items():
             size = self.nodes[self.inputs[name]].size
             if value.shape[1] != size:
-                raise ValueError(f"{name} has {value.shape[1]} components, the graph takes {size}.")
+                raise ValueError(
+                    f"{name} has {value.shape[1]} components, expected shape ({size},) or (n_rows, {size})."
+                )
 
         def leaf(node: Node) -> np.ndarray:
             return rows[node.data[0]] if node.op == "input" else node.data[0][None]

@@ -105,4 +105,4 @@ def _steady(graph: Graph, u: np.ndarray) -> np.ndarray:
         if np.max(np.abs(error)) <= 1e-11 * (1.0 + np.max(np.abs(x))):
             return x
         x = x - np.linalg.lstsq(graph.jacobian(x=x, u=u)["x_next", "x"] - np.eye(n), error, rcond=None)[0]
-    raise SurrogateError(f"no steady state was found at u0={u.tolist()}: give x0.")
+    raise SurrogateError(f"no steady state was found at u0={u.tolist()}: give the state as x0=, or another u0.")

@@ -201,7 +201,9 @@ class PenalizedRegressor(BaseBlockedRegressor):
             if not isinstance(penalty, BasePenalty):
                 raise DataError(f"penalties holds {penalty!r}, expected penalties such as Ridge() or Curvature().")
             if not penalty.weight >= 0:
-                raise DataError(f"{type(penalty).__name__}(weight={penalty.weight!r}) must not be negative.")
+                raise DataError(
+                    f"penalties: {type(penalty).__name__}(weight={penalty.weight!r}): expected a weight of at least 0."
+                )
             L, t = self._inner(*penalty.rows(at))
             rows.append(np.sqrt(penalty.weight) * L)
             targets.append(np.sqrt(penalty.weight) * t)
@@ -220,7 +222,9 @@ class PenalizedRegressor(BaseBlockedRegressor):
         else:
             alphas = np.unique(np.asarray(self.alphas, dtype=float))
             if alphas.ndim != 1 or not len(alphas) or not np.all(alphas >= 0):
-                raise DataError(f"alphas={self.alphas!r} must be numbers that are not negative.")
+                raise DataError(
+                    f"alphas={self.alphas!r}: expected numbers of at least 0, such as np.logspace(-6, 2, 30)."
+                )
         self.gcv_alphas_ = alphas
         self.gcv_scores_, self.dof_ = gcv_path(data, penalty, alphas, self.moments_.weight)
         self.alpha_ = float(alphas[np.argmin(self.gcv_scores_)])

@@ -108,7 +108,8 @@ def scan_orders(
     """
     if max_output_lags < 1 or max_input_lags < 0 or n_splits < 2:
         raise DataError(
-            f"max_output_lags={max_output_lags}, max_input_lags={max_input_lags}, n_splits={n_splits}: at least 1, 0, 2."
+            f"max_output_lags={max_output_lags}, max_input_lags={max_input_lags}, n_splits={n_splits}: expected "
+            "ints of at least 1, 0 and 2."
         )
     longest = max(max_output_lags, max_input_lags)
     runs = resolve_runs(X, y, groups=groups, run=run, min_rows=longest + 2)

@@ -153,7 +153,9 @@ def split_runs(
     """
     shares = (validation, grading)
     if min(shares) < 0 or sum(shares) >= 1:
-        raise DataError(f"validation={validation}, grading={grading}: shares of the rows, together below 1.")
+        raise DataError(
+            f"validation={validation}, grading={grading}: expected shares of the rows of at least 0, together below 1."
+        )
     labels = as_labels(groups)
     runs = [np.arange(run.start, run.stop) for run in resolve_runs(np.zeros((len(labels), 1)), groups=labels)]
     needed = 1 + sum(share > 0 for share in shares)

@@ -214,7 +214,7 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
         residual = record.residual(fit.y)
         if names and _worse_than_constant(record, residual, sd):
             warnings.warn(
-                "the fitted free run is much farther from y than a constant: give starting values nearer to the plant, bounds, or x0.",
+                "the fitted free run is much farther from y than the mean of y: give starting values nearer to the plant, bounds, or x0.",
                 ConvergenceWarning,
                 stacklevel=2,
             )

@@ -71,5 +71,8 @@ def _stretch(
     clock = np.asarray(result["time"], dtype=float)
     rows_at = np.searchsorted(clock, times[a : b + 1] - 1e-9 * step, side="left")
     if rows_at.max() >= len(clock):
-        raise SimulatorError(f"the unit {path!s} ended at t = {clock[-1]:g}, before t = {times[b]:g}.")
+        raise SimulatorError(
+            f"the unit {path!s} ended at t = {clock[-1]:g}, expected values up to t = {times[b]:g}: leave out the rows behind, or "
+            f"let the model run on.{unit.messages}"
+        )
     return np.stack([np.asarray(result[name], dtype=float)[rows_at] for name in outputs], axis=1)

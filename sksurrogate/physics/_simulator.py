@@ -156,10 +156,12 @@ def _given(x0: Any, t: Any) -> list[Any]:
     return [start, t] if t is not None else [start] if start is not None else []
 
 
-def _names(given: Sequence[str] | None, count: int | None, letter: str) -> tuple[str, ...]:
-    """Names as given, else letter and number."""
+def _names(given: Sequence[str] | None, count: int | None, letter: str, argument: str) -> tuple[str, ...]:
+    """Names as given, else letter and number; ``argument``: which of the simulator's they are, for the message."""
     if isinstance(given, bytes) or not (given is None or isinstance(given, Iterable)):
-        raise SimulatorError(f"{given!r} is no list of names of signals; write ['{letter or 'a'}'].")
+        raise SimulatorError(
+            f"the simulator's {argument}={given!r}: expected a list of names; write {argument}=['{letter}']."
+        )
     if given is not None:
         return (given,) if isinstance(given, str) else tuple(str(name) for name in given)
     return tuple(f"{letter}{k}" for k in range(count or 0))
@@ -167,7 +169,7 @@ def _names(given: Sequence[str] | None, count: int | None, letter: str) -> tuple
 
 def offered_ports(simulator: Any) -> tuple[str, ...]:
     """Names of the ports that a simulator offers beside its inputs."""
-    return _names(getattr(simulator, "ports", None), 0, "")
+    return _names(getattr(simulator, "ports", None), 0, "joint", "ports")
 
 
 def _or(given: Any, own: Any) -> Any:
@@ -206,9 +208,9 @@ def describe(
         access = "step"
     else:
         access = "trajectory"
-    inputs = _names(_or(getattr(simulator, "inputs", None), own.get("inputs")), n_inputs, "u")
-    outputs = _names(_or(getattr(simulator, "outputs", None), own.get("outputs")), n_outputs, "y")
-    states = _names(own_states, 0, "x")
+    inputs = _names(_or(getattr(simulator, "inputs", None), own.get("inputs")), n_inputs, "u", "inputs")
+    outputs = _names(_or(getattr(simulator, "outputs", None), own.get("outputs")), n_outputs, "y", "outputs")
+    states = _names(own_states, 0, "x", "states")
     ports = offered_ports(simulator)
     for names, what in ((states, "state"), (inputs, "input"), (outputs, "output"), (ports, "port")):
         twice = [name for k, name in enumerate(names) if name in names[:k]]

@@ -275,7 +275,7 @@ def test_what_cannot_leave_speaks():
         state_space(LinearRegression().fit(X3, Y2), [0.0])
     graph = Graph()
     graph.outputs["y"] = graph.input("x", 2)
-    with pytest.raises(ValueError, match="x has 3 components, the graph takes 2"):
+    with pytest.raises(ValueError, match=r"x has 3 components, expected shape \(2,\)"):
         graph(x=np.zeros(3))
     with pytest.raises(ValueError, match=r"inputs \['x'\]"):
         graph(u=np.zeros(3))

@@ -78,5 +78,5 @@ def test_a_graph_asks_for_its_inputs_and_no_others():
     graph.outputs["y"] = graph.binary("add", graph.input("x", 1), graph.input("u", 1))
     assert graph(x=[1.0], u=[2.0])["y"] == 3.0
     for given in ({"x": [1.0]}, {"x": [1.0], "u": [2.0], "p": [0.0]}, {"x": [1.0], "p": [0.0]}):
-        with pytest.raises(ValueError, match=r"the graph has the inputs \['x', 'u'\], but"):
+        with pytest.raises(ValueError, match=r"the graph needs the inputs \['x', 'u'\] by name, but"):
             graph(**given)

@@ -386,7 +386,7 @@ def test_constraints_of_a_stream():
     "params, message",
     [
         ({"penalties": ["ridge"]}, "penalties holds 'ridge', expected penalties such as"),
-        ({"penalties": [Ridge(-1.0)]}, r"Ridge\(weight=-1.0\) must not be negative"),
+        ({"penalties": [Ridge(-1.0)]}, r"penalties: Ridge\(weight=-1.0\): expected a weight of at least 0"),
         ({"penalties": [RidgeTo([1, 2])]}, r"RidgeTo\(theta0=...\) has shape \(2,\)"),
         ({"penalties": [CloseTo([[1.0, 2]], 0.0)]}, r"points have shape \(1, 2\), expected \(n_points, 5\)"),
         ({"penalties": [CloseTo(np.ones((3, 5)), [1.0, 2, 3, 4])]}, r"CloseTo\(values=...\) has shape \(4,\)"),
@@ -397,7 +397,10 @@ def test_constraints_of_a_stream():
         ({"constraints": [Bounds(1.0, 0.0)]}, r"no coefficients fulfil all constraints \['Bounds'\] of output 0"),
         ({"constraints": [Monotone(np.ones((1, 5)), input=5)]}, r"Monotone\(input=5\) is out of range"),
         ({"alpha": "gcv"}, "but there are none: give penalties="),
-        ({"alpha": "gcv", "penalties": [Ridge()], "alphas": [-1.0]}, "must be numbers that are not negative"),
+        (
+            {"alpha": "gcv", "penalties": [Ridge()], "alphas": [-1.0]},
+            r"alphas=\[-1.0\]: expected numbers of at least 0",
+        ),
     ],
 )
 def test_errors_name_the_parameter_and_the_way_out(params, message):

@@ -96,5 +96,7 @@ def test_a_point_that_is_refused_with_forces_is_no_mistake():
 
 @pytest.mark.parametrize("given", [5, b"joint"])
 def test_what_is_no_list_of_names_is_refused_in_words(given):
-    with pytest.raises(SimulatorError, match="is no list of names of signals"):
+    with pytest.raises(
+        SimulatorError, match=r"simulator's ports=.*: expected a list of names; write ports=\['joint'\]"
+    ):
         describe(ported(ODESimulator, rhs, ports=given))
