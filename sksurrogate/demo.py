@@ -53,12 +53,12 @@ def story_actuator_and_sensor(
 
     Parameters
     ----------
-    n_runs, n_samples : int
-    noise : float
+    n_runs, n_samples : int, default=6, 200
+    noise : float, default=0.02
         Standard deviation of the sensor's noise, in units of y.
-    lag : float
+    lag : float, default=0.05
         Time constant of the actuator, in units of time.
-    offset : float
+    offset : float, default=0.3
         Of the sensor, in units of y.
 
     Examples
@@ -92,8 +92,8 @@ def story_linearised(n_runs: int = 10, n_samples: int = 200, noise: float = 0.02
 
     Parameters
     ----------
-    n_runs, n_samples : int
-    noise : float
+    n_runs, n_samples : int, default=10, 200
+    noise : float, default=0.02
         Standard deviation of the sensor's noise, in units of y.
 
     Examples

@@ -76,7 +76,7 @@ def run_blind_check(
         result.
     n_jobs : int, optional
         Cases at once, through joblib; each has a diagnosing process of its own.
-    diagnosis : str
+    diagnosis : str, optional
         ``module:function`` that answers a :class:`Question`; the package's diagnosis by default.
     limit : float, default=600
         Seconds allowed for one diagnosis.
@@ -224,7 +224,7 @@ def run_case(
         Fresh by default.
     plant, runs : PlantSpec, list of ndarray, optional
         A plant of the user's own.
-    diagnosis, limit, follow_up, verbose, record : str, float, float, int, str
+    diagnosis, limit, follow_up, verbose, record : str, float, float, int, str, optional
         As in :func:`run_blind_check`.
     solver : Solver, optional
         Process to be asked; kept from case to case.

@@ -30,8 +30,8 @@ def score(case: Case, answer: Mapping[str, Any], *, oracle: bool = True) -> dict
         false is named. ``named``, ``false_names``: counts. ``exact``: truths named by their own name. ``place``: the
         location likely is that of a true effect. ``classes``: sizes of the classes reported. ``covered``: whether each
         true parameter lies in its interval. ``shrink``, ``oracle``: by which share the error on runs nobody fitted
-        fell, without their noise. ``imitated``: explained by other names that close 95 % of the gap on runs nobody
-        fitted: where the true name
+        fell, without their noise. ``imitated``: no true effect is named, and the names that are close 95 %
+        of the gap on runs nobody fitted.
     """
     row: dict[str, Any] = {**case.facts, "expected": ARMS[case.arm][1]}
     if "error" in answer:

@@ -47,8 +47,9 @@ class DerivativeRegressor(FreeRunMixin, BaseEstimator):
     window : int, default=10
         Sample intervals of a test function where derivatives are not given: more for more noise, fewer for faster
         changes. 1 is the plain difference of neighbours.
-    method : {"RK4", "LSODA", "Radau", "BDF"}, default="RK4"
-        Integrator of the free run; the others are scipy's, for stiff models, and go run by run.
+    method : {"RK4", "LSODA", "Radau", "BDF", "RK45", "DOP853"}, default="RK4"
+        Integrator of the free run; the others are scipy's and go run by run: "LSODA", "Radau" and "BDF" for
+        stiff models.
     n_sub : int, optional
         Substeps of "RK4" in a sample; None: chosen in ``fit`` on the training runs.
     init : "mean" or array (1, n_outputs), default="mean"

@@ -277,7 +277,8 @@ class RecursivePredictor(ShootingMixin, FreeRunMixin, BaseEstimator):
         Parameters
         ----------
         X : array-like (n_samples, n_inputs)
-        y0 : as for :meth:`predict`
+        y0 : array-like, optional
+            As for :meth:`predict`.
         groups : array-like (n_samples,), optional
 
         Returns

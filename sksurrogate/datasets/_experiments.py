@@ -99,7 +99,7 @@ def simulate_experiments(
         Anything with ``simulate``; ``simulate_batch`` and ``simulate_states`` are used where present.
     x0_ranges : dict of state -> (low, high), or sequence of pairs, optional
         Ranges of the initial states; a state without one starts at the simulator's ``x0``.
-    input_ranges : dict of input -> (low, high), or sequence of pairs
+    input_ranges : dict of input -> (low, high), or sequence of pairs, optional
         Needed unless ``design`` is an array or a function.
     design : {"levels", "multisine", "prbs"}, callable or array, default="levels"
         "levels": random levels, each held for a while. "multisine": 8 sines with random phases that fill the range.

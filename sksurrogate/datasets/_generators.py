@@ -182,8 +182,8 @@ def make_reactor_experiments(
 
     Parameters
     ----------
-    y0 : sequence of float
-        Initial state of each run.
+    y0 : sequence of float, optional
+        Initial state of each run; by default eight from 15 down to 0.5.
     n_samples : int, default=100
         Rows of a run; the input goes through ten held levels between 0.05 and 0.25.
     noise : float, default=0

@@ -324,7 +324,7 @@ def starting(effect: BaseEffect, span: Sequence[str] = ("onset",)) -> BaseEffect
     ----------
     effect : BaseEffect
         Any that has parameters and no time of its own.
-    span : sequence of {"onset", "end"}
+    span : sequence of {"onset", "end"}, default=("onset",)
         What the window has: a beginning, an end, or both.
 
     Returns

@@ -54,9 +54,9 @@ class AugmentedSimulator(BaseSimulator):
     Parameters
     ----------
     simulator : object with ``simulate``
-    effects : sequence of BaseEffect
+    effects : sequence of BaseEffect, default=()
         Instances with their places.
-    values : sequence of dict or tuple
+    values : sequence of dict or tuple, default=()
         For each effect its parameters: ``{"level": 0.3}``, or in the order of ``effect.parameters``.
     retuned : dict of float, optional
         Parameters of the simulator that differ from its own.

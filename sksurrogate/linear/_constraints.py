@@ -38,7 +38,7 @@ class Bounds(BaseConstraint):
 
     Parameters
     ----------
-    lower, upper : float or array-like (n_features,) or (n_outputs, n_features)
+    lower, upper : float or array-like (n_features,) or (n_outputs, n_features), default=-inf, inf
 
     Examples
     --------
@@ -128,7 +128,7 @@ class OutputBounds(BaseConstraint):
     ----------
     points : array-like (n_points, n_inputs)
         In the columns of the X given to fit.
-    lower, upper : float or array-like (n_points,) or (n_points, n_outputs)
+    lower, upper : float or array-like (n_points,) or (n_points, n_outputs), default=-inf, inf
 
     Examples
     --------

@@ -45,7 +45,7 @@ class CasadiSimulator(InnerRunsMixin, ParametricSimulator):
         Names, in the order of the entries of x, u and what is measured. Without a second output, outputs are states.
     params : dict of float, optional
         Parameters; their order is that of the entries of p.
-    dt : float
+    dt : float, default=1.0
         Sample time.
     discrete : bool, default=False
         Whether ``function`` gives the next state.

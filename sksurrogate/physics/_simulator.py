@@ -19,7 +19,7 @@ class BaseSimulator(BaseEstimator):
 
     A subclass gives ``simulate(U, x0=None, t=None) -> Y`` for one run. It may give ``rhs(t, x, u, p)``,
     ``step(t, x, u, p, dt)``, ``output(t, x, u, p)``, ``simulate_states(U, x0, t)``, ``simulate_batch(U, X0, t)``,
-    ``jacobian(t, x, u, p)``, ``ports`` (names of forces that are not inputs; ``rhs``, ``step`` and ``output`` then take them as a
+    ``ports`` (names of forces that are not inputs; ``rhs``, ``step`` and ``output`` then take them as a
     last argument ``forces`` (n_ports, ...)), ``law_parameters`` (key of an effect at a port: name and value of the parameter to
     which its magnitude adds, where a parameter is that law), and the names ``states``, ``inputs``, ``outputs``, the dict ``params``, ``dt``, ``hold``
     and ``x0``; ``described()``, a dict of "inputs", "outputs", "states" and "x0", answers where these are None. ``kinematic``
