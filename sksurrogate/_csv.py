@@ -37,7 +37,7 @@ def read_csv(
     Parameters
     ----------
     path : path
-        UTF-8 text with a header; comma, semicolon or tabulator. A quoted cell ends in its line. At most 512 MiB. Decimal
+        UTF-8 text with a header; comma, semicolon or tab between cells. A quoted cell ends in its line. At most 512 MiB. Decimal
         points; decimal commas too where cells are not separated by commas. Rows of empty cells at the end are left out, and
         with ``time`` everywhere.
     wanted : sequence of str
@@ -316,7 +316,7 @@ def _missing(column: str, header: list[str], name: str, wanted: Sequence[str], w
         if len(header) == 1 and len(wanted) > 1 and all(word in header[0] for word in wanted):
             return (
                 f"{name}: the header is one cell, {_short(header[0])}: cells are parted by commas, semicolons or "
-                "tabulators; save the file with one of these."
+                "tabs; save the file with one of these."
             )
     lower = {cell.lower(): cell for cell in header}
     close = difflib.get_close_matches(column.lower(), list(lower), n=1, cutoff=0.6)
@@ -349,7 +349,7 @@ def _number(text: str, column: str, file: str, line: int) -> float:
                 f"{_short(text)} is a date or a clock: give the time as a number, for example seconds from the start."
             )
         elif "," in text:
-            problem = f"{_short(text)} is not a number. Decimal commas are read where cells are separated by semicolons or tabulators."
+            problem = f"{_short(text)} is not a number. Decimal commas are read where cells are separated by semicolons or tabs."
         else:
             problem = f"{_short(text)} is not a number: correct it, or delete the row (and start a new run there)."
         raise DataError(f"{file}, line {line}, column {column!r}: {problem}") from None

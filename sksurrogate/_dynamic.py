@@ -1,4 +1,4 @@
-"""What all models of runs share: the border, the start of a run, divergence, the score of the free run."""
+"""What all models of runs share: checks of the data, the start of a run, divergence, the score of the free run."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The border: what a user hands over becomes a sequence of :class:`Run`; below it nothing asks again."""
+"""What a user gives as X, y and groups becomes a sequence of :class:`Run`, here and once: all other files take runs as checked."""
 
 from __future__ import annotations
 

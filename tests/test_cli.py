@@ -302,7 +302,7 @@ HEAD, ROWS = "time,flow,level,experiment", [f"{0.1 * k:.1f},{k % 3},{k % 5},{k /
             [line.replace(",", "|") for line in [HEAD, *ROWS]],
             r"header is one cell, 'time\|flow.*commas, semicolons or tab",
         ),
-        ([line.replace(",", " ") for line in [HEAD, *ROWS]], "header is one cell, .*commas, semicolons or tabulators"),
+        ([line.replace(",", " ") for line in [HEAD, *ROWS]], "header is one cell, .*commas, semicolons or tabs"),
         (
             [f"01.02.2026 00:00:0{k},1,1,0" if k else HEAD for k in range(9)],
             "'01.02.2026 00:00:01' is a date or a clock",

@@ -1,4 +1,4 @@
-"""Estimators around estimators and simulators."""
+"""Time-series models around regressors (lags, derivatives, states), and hybrids of a simulator and a learned correction."""
 
 from sksurrogate.compose._derivative import DerivativeRegressor
 from sksurrogate.compose._hybrid import HybridRegressor

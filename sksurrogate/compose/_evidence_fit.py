@@ -1,4 +1,4 @@
-"""Shooting fits by the evidence: several ways down, those refused that run away elsewhere, one chosen on what is left out."""
+"""Shooting fits by the evidence from several starts; fits that diverge from other initial rows are refused."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from sksurrogate.kernels.shooting import FreeRunLoss, fit_free_run
 from sksurrogate.kernels.shooting_evidence import EvidenceFit, first_penalty, fit_by_evidence
 from sksurrogate.neural import FNNRegressor
 
-#: Penalty of the reference, and of the first way down: measured, it has never run away.
+#: Penalty of the reference, and of the fit from random weights: with it no fit has diverged in our measurements.
 STRONG = 0.1
-#: Penalties beside the mean squared error of one-step starts, until one does not run away; the first keeps weights within
-#: the digits of doubles, and no more.
+#: Penalties beside the mean squared error of one-step starts, until one does not diverge; the first only keeps the weights
+#: within the digits of doubles.
 STARTING_PENALTIES = (1e-10, 1e-6, 1e-4)
-#: Standard errors by which another end must be better than the first.
+#: Standard errors by which another fit must be better than the first.
 SURELY = 2.0
 #: Steps of Levenberg-Marquardt to the reference.
 REFERENCE_STEPS = 40
@@ -31,7 +31,7 @@ SLOPE_ROWS = 4096
 
 @dataclass(frozen=True, eq=False)
 class Posterior:
-    """What a shooting fit knows of its weights and of the noise."""
+    """Gaussian posterior of the weights of a shooting fit, and the noise."""
 
     scaling: Scaling
     fit: EvidenceFit  #: In scaled numbers
@@ -78,12 +78,12 @@ def shoot_by_evidence(
     n_starts: int,
     random_state: np.random.RandomState,
 ) -> tuple[LagNet, Posterior]:
-    """The model in units of the data, and what is known of it.
+    """The model in units of the data, and the posterior of its weights.
 
-    A network goes down from random weights under a strong penalty, and from the one-step fit (almost free, and by its
-    own evidence); a linear model from where it is. On each way the penalty follows the evidence, and the way ends before
-    a model whose runs from elsewhere leave. What began at the one-step fit is taken, unless another end is better on runs
-    left out by more than two standard errors.
+    A network is fitted from random weights under a strong penalty, and from the one-step fit (almost without a penalty, and
+    with that of its own evidence); a linear model from its own weights. From each start the penalty follows the evidence, and
+    the fit ends before a model that :class:`OtherStarts` refuses. The fit from the one-step start is taken, unless another
+    one is better on runs left out by more than two standard errors.
     """
     scaling = Scaling(runs)
     U, target = cut_pieces(runs, n_first, horizon)
@@ -104,7 +104,7 @@ def shoot_by_evidence(
 
 
 def _chosen(ends: list[EvidenceFit]) -> EvidenceFit:
-    """The first end, unless another is surely better on what is left out."""
+    """The first fit, unless another is better on what is left out by :data:`SURELY` standard errors."""
     errors = [end.left_out() for end in ends]
     best = int(np.argmin([error.mean() for error in errors]))
     gain = errors[0] - errors[best]
@@ -114,7 +114,7 @@ def _chosen(ends: list[EvidenceFit]) -> EvidenceFit:
 def _ways(
     model: LagNet, loss: FreeRunLoss, data: FreeRunLoss, n_starts: int, rng: np.random.RandomState
 ) -> Iterator[EvidenceFit | None]:
-    """Ends of the ways of a network, from one-step fits first; the reference itself where every other is refused."""
+    """Fits of a network, those from one-step fits first; the reference itself where every other is refused."""
     starts = [model.at(small_weights(model.net, rng)) for _ in range(n_starts)]
     reference = fit_free_run(loss, starts, max_iter=REFERENCE_STEPS)[0]
     guard = OtherStarts(reference, data.U, data.target, data.n_first, rng)
@@ -148,7 +148,7 @@ MOST_WEIGHTS = 300
 
 
 def within(loss: Any, model: Any) -> Any:
-    """A linear model that diverges is pulled towards rest until it does not."""
+    """A linear model whose free runs diverge, its weights shrunk until they do not."""
     for _ in range(30):
         if np.isfinite(loss.value(model, loss.run(model))):
             break

@@ -43,18 +43,18 @@ class HybridRegressor(RegressorMixin, BaseEstimator):
         polynomials, chosen on runs left out.
         For "dynamics" and "input": features are the states (measured or not) and inputs ("input": the inputs alone), the
         target is the term; transformers with a linear model are fitted through the free run, any other regressor to the
-        term that a smoother finds along the runs. Default: a linear and a smooth part; how smooth, how large and how
-        noisy the outputs are follows from the evidence.
+        term that a smoother finds along the runs. Default: a linear and a smooth part; smoothness, size
+        and the noise of the outputs follow from the evidence.
     form : {"output", "static", "series", "dynamics", "input", "auto"}, default="output"
         "output": past deviations are features, as in the paper. "static": only inputs (with their lags) and the
         simulator's output are. "series": as "static", but ``residual`` learns y itself in place of the deviation.
         "dynamics": a term of states and inputs is added to dx/dt (or the next states of a step). "input": a term of the
-        inputs is added to them. The last two need a simulator with ``rhs`` or ``step``. "auto": of "input" or "dynamics" (the
-        one of the larger evidence, where the simulator allows them), "static" and "output" the first that closes as much
-        of the gap on what is left out as the best of them, within one standard error.
+        inputs is added to them. "dynamics" and "input" need a simulator with ``rhs`` or ``step``. "auto" tries three forms: the one of
+        "input" and "dynamics" with the larger evidence (where the simulator allows them), "static", "output". It takes the
+        first in this order whose gain on left-out runs is within one standard error of the best.
     loss : {"one_step", "shooting"}, optional
         Whether the correction is fitted one step ahead or through its own free run ("shooting": residuals whose slopes
-        are known; a ValueError says so for others). Default: "shooting" for the default residual and, inside the
+        are known; a DataError says so for others). Default: "shooting" for the default residual and, inside the
         plant, for transformers with a linear model, else "one_step".
     n_lags : int, default=5
         Past deviations and inputs.
@@ -86,8 +86,8 @@ class HybridRegressor(RegressorMixin, BaseEstimator):
         On the training runs.
     shrinkage_ : ndarray (n_outputs,)
         Share of the correction that left-out runs support and that is kept: 1 is the whole correction, 0 the simulator alone.
-        It maximises the gain over the simulator that is sure (95 %, from the spread over blocks of rows). One number for all outputs with "dynamics" and
-        "input".
+        It maximises the lower 95 % limit (over blocks of rows) of the gain over the simulator. One number for all outputs with
+        "dynamics" and "input".
     report_ : CorrectionReport
         The same with the errors of simulator, whole correction and kept share on left-out runs; ``print`` gives a sentence.
     left_out_rmse_ : ndarray (n_outputs,)

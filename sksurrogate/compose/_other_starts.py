@@ -1,4 +1,4 @@
-"""Where a lag model runs to from other starts than those it was fitted from: the fit alone does not see it."""
+"""Free runs of a lag model from other initial rows than those it was fitted from: the fit alone does not show where they lead."""
 
 from __future__ import annotations
 
@@ -10,21 +10,23 @@ from sksurrogate.kernels.rollout import free_run
 
 #: Runs whose inputs are taken.
 RUNS_TAKEN = 16
-#: Share of the outputs' range beyond which the extreme starts lie, and disturbance of a rough start in spreads.
+#: Share of the outputs' range beyond which the extreme starts lie, and disturbance of a rough start in standard
+#: deviations.
 BEYOND, ROUGH = 0.05, 0.1
-#: A fit must not leave more than this multiple of what the reference leaves of a start, and this much of a spread.
+#: A fit must not leave more than this multiple of what the reference leaves of a start, and this many standard
+#: deviations.
 TIMES_REFERENCE, AT_LEAST = 3.0, 0.1
 #: Share of the training range by which a fit may leave it further than the reference; runs away were 0.4 and more.
 LEAVES_RANGE = 0.3
-#: A run that has gone this many spreads is as bad as any.
+#: Standard deviations from the mean at which a run counts as lost.
 LOST_SPREADS = 1e6
 
 
 class OtherStarts:
     """Free runs over the training inputs from other runs' rows, from the ends of the outputs' range and from rough rows.
 
-    A strongly penalised model is the reference: what it forgets the plant forgets too, as far as anybody knows, and
-    where it stays a better fit has no reason to leave. Nothing is asked of plants that do not forget.
+    A strongly penalised model is the reference. A fit must forget its initial rows about as fast as the reference does, and
+    must not leave the training range much further. A reference that does not forget demands nothing of the fit.
 
     ``model``: the reference, in scaled numbers.
     ``U`` (n_runs, n_steps, n_inputs).
@@ -49,7 +51,7 @@ class OtherStarts:
         self.limits = self.most(self.reach(model))
 
     def reach(self, model: Any) -> np.ndarray:
-        """How far outside the training range, how much of a start is left at the end, how much a rough start grows."""
+        """Largest distance outside the training range, share of a start that is left at the end, growth of a rough start."""
         with np.errstate(all="ignore"):
             y = free_run(model, self.U, self.first)
         y = np.where(np.isfinite(y), np.clip(y, -LOST_SPREADS, LOST_SPREADS), LOST_SPREADS).reshape(
@@ -63,7 +65,7 @@ class OtherStarts:
 
     @staticmethod
     def most(reference: np.ndarray) -> np.ndarray:
-        """What is accepted beside a reference."""
+        """Limits on :meth:`reach` of a fit, from that of the reference."""
         return np.array([max(reference[0], 0.0) + LEAVES_RANGE, *(TIMES_REFERENCE * reference[1:] + AT_LEAST)])
 
     def accepts(self, model: Any) -> bool:

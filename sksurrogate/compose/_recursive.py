@@ -61,13 +61,13 @@ class RecursivePredictor(ShootingMixin, FreeRunMixin, BaseEstimator):
         First rows where ``predict`` gets no ``y0``: mean of the training outputs, or the model's rest at the first input.
     alpha : float, "evidence", "auto" or None, default="evidence"
         Penalty of the shooting loss ``sum e^2 + alpha * sum w^2``, with errors, features and so weights in units of the
-        training data's spread. "evidence": penalty and noise by MacKay's evidence along the fit, which begins at the
+        training data's standard deviation. "evidence": penalty and noise by MacKay's evidence along the fit, which begins at the
         one-step fit and under a strong penalty; it refuses models that diverge from other initial states (see Notes).
         None: 0.1 for networks and features, 0 for linear models. "auto" (networks): the largest within one standard
         error of the best on halves of the runs left out; some 20 fits.
     stability : float, default=0
-        Weight of a second demand of the shooting loss: free runs that begin one spread off must be back on the data in
-        the second half of the run (or horizon), so that the model forgets where it began.
+        Weight of a second term of the shooting loss: free runs that begin one standard deviation off must be back on the data
+        in the second half of the run (or horizon), so that the model forgets its initial rows.
     n_starts : int, default=2
         Starts of the shooting fit of a network; after some steps the best goes on.
     random_state : int, RandomState or None

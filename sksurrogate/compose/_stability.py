@@ -14,14 +14,16 @@ SMOOTH_HALF_WIDTH, STEPPED_HALF_WIDTH = 1e-5, 0.5
 
 @dataclass(frozen=True, eq=False)
 class StabilityReport:
-    """Growth of small disturbances of the past outputs along free runs; of half a spread for models of steps (forests).
+    """Growth of small disturbances of the past outputs along free runs.
+
+    For piecewise constant models (forests) the disturbances are half a standard deviation of the outputs.
 
     Attributes
     ----------
     labels : tuple
         One a run.
     radius : tuple of ndarray (n_steps,)
-        Spectral radius of the linearisation at every step after the first rows. Above 1 somewhere is not a harm in itself.
+        Spectral radius of the linearisation at every step after the first rows. A run may be stable although it is above 1 at some steps.
     rate : tuple of float
         Mean factor of a disturbance a step over the whole run: below 1 the run forgets where it began.
     peak : tuple of float

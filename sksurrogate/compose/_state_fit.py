@@ -10,7 +10,7 @@ from sksurrogate.kernels.state_space import StateFit, fit_output_error, simulate
 
 #: Rows that a subspace start looks at.
 SUBSPACE_ROWS = 100_000
-#: Rows that are run from elsewhere after every step of a fit.
+#: Rows that are run from other initial states after every step of a fit.
 GUARDED = 10_000
 #: Rows of the pieces on which networks are fitted before whole runs.
 PIECE_LENGTHS = (8, 24, 72)
@@ -131,9 +131,9 @@ def _grow(
 
 
 class _StaysNear:
-    """Whether free runs that begin elsewhere stay near the trajectory: a fit alone does not see where they run to.
+    """Whether free runs from other initial states stay near the trajectory.
 
-    A model may follow the training runs from their fitted initial states and leave for infinity from any other.
+    A model may follow the training runs from their fitted initial states and diverge from any other.
     """
 
     def __init__(self, model: StateModel, U: np.ndarray, starts: np.ndarray):

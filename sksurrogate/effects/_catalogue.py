@@ -95,8 +95,8 @@ def build_effects(
         States whose balance may hold an effect; leave out the :func:`kinematic_states`. Laws at ports that are no laws of
         one balance come beside those.
     effects : None, or one or several of str, class, instance
-        None: the whole catalogue, but for forms that no plant has: friction that a position drives, the sine of a speed (a
-        law says what is ``implausible``). A name or class is enumerated over the plant; an instance with a location is taken
+        None: the whole catalogue without forms that no plant has, such as friction that a position drives or the sine of a
+        speed (``implausible`` of a law). A name or class is enumerated over the plant; an instance with a location is taken
         as it is, one without is enumerated like its class.
 
     Returns

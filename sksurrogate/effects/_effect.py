@@ -97,23 +97,23 @@ class BaseEffect(PriorOdds, BaseEstimator):
         return []
 
     def simpler(self, theta: Sequence[float]) -> dict[str, tuple[float, ...]]:
-        """Simpler effects that this one, at these values, hardly differs from: by name, all their parameters but the first."""
+        """Simpler effects that are nearly the same as this one at these values: name -> their parameters but the first."""
         return {}
 
     def plausible(self, theta: Sequence[float], probe: Probe) -> bool:
-        """Whether these data show at these values what makes the effect what it is: not a step before the first reading."""
+        """Whether the effect, at these values, shows its typical form in these data; a step before the first reading does not."""
         return True
 
     def identifiable(self, theta: Sequence[float]) -> tuple[float, ...]:
-        """The nearest values at which every parameter moves what the effect does: a fit beyond them has no slope to return by."""
+        """The nearest values at which every parameter has a slope: from values beyond them a fit could not return."""
         return tuple(theta)
 
     def gain(self, theta: Any, size: float) -> Any:
-        """What a unit of the first parameter does where the signal has its size; the others decide of it."""
+        """What a unit of the first parameter does, at these values of the others, where the signal has this size."""
         return 1.0
 
     def lower_bounds(self, duration: float) -> tuple[float, ...]:
-        """Lower bounds in a record whose longest run has this duration: slower things than it shows are left to others."""
+        """Lower bounds in a record whose longest run has this duration: what is slower than the run can show is left to other effects."""
         return tuple(p.low for p in self.parameters)
 
     def canonical(self, theta: Sequence[float]) -> tuple[float, ...]:

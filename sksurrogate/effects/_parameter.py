@@ -90,7 +90,7 @@ class ParameterDrift(ParameterEffect):
 class ParameterDependence(ParameterEffect):
     """A parameter depends on a signal: ``p (1 + c v + c2)``, as a heat transfer on a flow or an inductance on its current.
 
-    It is asked where something without a name remains beside all other effects, and where it does the same as what is named.
+    It is tried where all other effects leave something without a name, and where it predicts the same as what is named.
     """
 
     name = "parameter_dependence"

@@ -1,4 +1,4 @@
-"""A simulator with effects as others want it: a graph (CasADi, C, ONNX), a linearisation, a system of python-control."""
+"""State-space forms of a simulator with effects: a graph (for CasADi, C, ONNX), a linearisation, a system of python-control."""
 
 from __future__ import annotations
 

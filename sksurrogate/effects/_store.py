@@ -53,7 +53,7 @@ def save_augmented(augmented: AugmentedSimulator, path: Any, **notes: Any) -> No
 
     See Also
     --------
-    load_augmented : the way back.
+    load_augmented : Reads such a file.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Fitted models out of the house: plain numpy with exact Jacobians, CasADi, C code, ONNX, FMU."""
+"""Export of fitted models and simulators: plain numpy with exact Jacobians, CasADi, C code, ONNX, FMU."""
 
 from sksurrogate.export._casadi import to_c, to_casadi
 from sksurrogate.export._describe import to_graph

@@ -152,7 +152,7 @@ def output_error(
         go on.
     ``tries``: dampings of a closed step, each ten times the last, before the descent ends.
     ``near``: after a step that moves parameters and trajectory by less than this share of their size, its slopes serve
-        again; none ends the fit further from where it is of.
+        again. The fit does not end with slopes of a point farther away than that.
     ``lead_on``: slopes cost as much as many free runs: they serve again as long as steps with them keep their promise.
     ``idle, idle_above``: where the cost is above ``idle_above``, two steps in a row that take less than the share
         ``idle`` of it end the descent.
@@ -165,7 +165,7 @@ def output_error(
         return fit.run(theta, x, open_steps, max_steps, most, fallback)
 
 
-#: Parameters and a trajectory that slopes are of.
+#: Parameters and a trajectory at which slopes were taken.
 _Point: TypeAlias = tuple[np.ndarray, np.ndarray]
 
 
@@ -353,7 +353,7 @@ class _OutputError:
         lin: Linearised | None,
         at: _Point | None,
     ) -> Fit | None:
-        """Closed Levenberg-Marquardt steps: the cost is that of the free run. ``lin``: slopes of a point ``at`` hand."""
+        """Closed Levenberg-Marquardt steps: the cost is that of the free run. ``lin``: slopes at the point ``at``, known before."""
         damping, done, steps, idle = 1e-3, False, 0, 0
         for steps in range(1, max_steps + 1):
             stale = lin is not None

@@ -1,4 +1,4 @@
-"""What the linear fits share: the border, features block by block, moments, prediction."""
+"""What the linear fits share: checks of the data, features block by block, moments, prediction."""
 
 from __future__ import annotations
 

@@ -163,7 +163,7 @@ class LaggedLinearRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         return self
 
     def predict(self, X: Any, groups: Any = None) -> np.ndarray:
-        """Predict; before the first row of a run its value stands.
+        """Predict; rows before the first one of a run count as equal to it.
 
         Parameters
         ----------
@@ -172,7 +172,8 @@ class LaggedLinearRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
 
         Returns
         -------
-        ndarray (n_samples,) or (n_samples, n_outputs); nan in rows that belong to no run
+        ndarray (n_samples,) or (n_samples, n_outputs)
+            nan in rows that belong to no run.
         """
         check_is_fitted(self, "coef_")
         runs = self._resolve(X, None, groups, predicting=True)

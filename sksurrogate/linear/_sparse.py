@@ -55,7 +55,7 @@ class SparseRegressor(BaseBlockedRegressor):
 
     See Also
     --------
-    sksurrogate.compose.DerivativeRegressor : differential equations, in weak form where derivatives are not measured.
+    sksurrogate.compose.DerivativeRegressor : Differential equations, in weak form where derivatives are not measured.
 
     Notes
     -----

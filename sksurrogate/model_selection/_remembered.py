@@ -33,9 +33,9 @@ class Remembered(MetaEstimatorMixin, BaseEstimator):
     """A predictor whose fits are kept on disk: the same estimator and data are fitted once.
 
     If a search is interrupted, for example by a power cut or a cluster's time limit, start it again with the same line: finished
-    fits are read, the others are made. (Transformers are kept by
-    scikit-learn's ``Pipeline(memory=...)``.) An estimator is the same if its parameters are, and the code of the functions
-    and of your own classes in them with what they close over and the globals that they read.
+    fits are read, the others are made. An estimator is the same if its parameters are, together with the code of functions and of
+    your own classes in them, their closures and the globals that they read. (Transformers are kept by scikit-learn's
+    ``Pipeline(memory=...)``.)
 
     Parameters
     ----------

@@ -22,7 +22,7 @@ EVIDENCE_ROUNDS, LARGEST_PENALTY_CHANGE, EVIDENCE_SETTLED = 12, 2.3, 0.05
 
 @dataclass(frozen=True, eq=False)
 class Posterior:
-    """What is known of a network's weights and of the noise, for standardised data."""
+    """Gaussian posterior of a network's weights, and the noise, for standardised data."""
 
     layers: Layers
     evidence: Evidence

@@ -144,7 +144,7 @@ class FNNRegressor(CallbackSupportMixin, NetAccess, MultiOutputMixin, RegressorM
 
     See Also
     --------
-    sklearn.neural_network.MLPRegressor : networks by L-BFGS, SGD and Adam.
+    sklearn.neural_network.MLPRegressor : Networks by L-BFGS, SGD and Adam.
 
     Notes
     -----

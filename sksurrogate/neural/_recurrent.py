@@ -16,10 +16,10 @@ from sksurrogate.runs import Runs
 
 
 class RecurrentRegressor(FreeRunMixin, BaseEstimator):
-    """Recurrent network with the inputs alone as its signals (a state description, which the paper does not treat).
+    """Recurrent network (GRU or LSTM) from the inputs to the outputs: a state-space model, which the paper does not treat.
 
-    A small encoder turns the first rows of a run into the hidden state. After that, outputs are never fed back. So the loss is the
-    error of the free run, and a free run cannot diverge.
+    A small encoder turns the first rows of a run into the hidden state. After that only the inputs enter: outputs are never fed
+    back. So the loss is the error of the free run, and a free run cannot diverge.
 
     Parameters
     ----------

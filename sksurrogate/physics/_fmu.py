@@ -67,8 +67,8 @@ class FMUSimulator(ParametricSimulator):
     inputs, outputs : list of str, optional
         Variables; those of causality input and output by default.
     initial : list of str, optional
-        Variables that ``x0`` sets, in its order; by default the continuous states that the unit names. Other variables,
-        start values say, leave the unit at trajectories.
+        Variables that ``x0`` sets, in its order; by default the continuous states that the unit names. With other variables
+        (start values, for example) the unit gives trajectories only.
     params : dict of float, optional
         Start values of parameters.
     dt : float, default=1.0

@@ -1,4 +1,4 @@
-"""What a fit knows of its parameters: covariance, intervals, combinations that the data do not fix."""
+"""Uncertainty of fitted parameters: covariance, intervals, combinations that the data do not fix."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _WEAK = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Uncertainty:
-    """Uncertainty of k parameters."""
+    """Of k parameters."""
 
     covariance: np.ndarray  #: (k, k): nan where the data do not fix all of them
     width: np.ndarray  #: (k,): half width of the interval; inf where the data do not fix the parameter
@@ -27,7 +27,7 @@ def uncertainty_of(
     J_theta: np.ndarray, J_x: np.ndarray, residual: np.ndarray, sd: np.ndarray, starts: np.ndarray, unit: np.ndarray,
     confidence: float, fixed: np.ndarray, precision: np.ndarray | None = None, measured: np.ndarray | None = None,
 ) -> Uncertainty:  # fmt: skip
-    """Linearised, initial states projected out run by run, a memory of the residual taken into account.
+    """Of a fit, linearised: initial states are projected out run by run, and the correlation of the residual in time counts.
 
     ``J_theta`` (n_outputs, k, n_samples).
     ``J_x`` (n_outputs, n_free_states, n_samples): of the initial states of the run.

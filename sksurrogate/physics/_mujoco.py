@@ -89,12 +89,12 @@ class MuJoCoSimulator(NamedModel):
     Notes
     -----
     ``simulate`` takes the same steps as ``mujoco.mj_step``: same integrator, same timestep, same numbers. ``rhs`` is the forward
-    dynamics, the limit of short steps: the same as ``mujoco.mj_forward``. A diagnosis uses the steps (``exact_step``), but with
-    ``integrator="RK4"``, which solves the forward dynamics accurately, these: as few steps as the noise allows. Points and runs go through
-    MuJoCo's batched rollout, with one copy of the model for each set of parameters; many points of a tree of hinges and slides on which
-    nothing else acts through its equations of motion, which agree to rounding. Models with a memory beyond these states (delayed
-    actuators or sensors, plastic joints, plugins) give trajectories only. Inputs are held over a sample. A sensor's row k is its
-    reading at the state and input of row k.
+    dynamics, the limit of short steps: the same as ``mujoco.mj_forward``. A diagnosis uses the steps (``exact_step``). With
+    ``integrator="RK4"`` and without free or ball joints these solve the forward dynamics accurately, and a diagnosis uses ``rhs``,
+    in as few steps as the noise allows. Points and runs go through MuJoCo's batched rollout, with one copy of the model for each
+    set of parameters; many points of a tree of hinges and slides on which nothing else acts go through its equations of motion,
+    which agree to rounding. Models with a memory beyond these states (delayed actuators or sensors, plastic joints, plugins) give
+    trajectories only. Inputs are held over a sample. A sensor's row k is its reading at the state and input of row k.
 
     Elements without a name are called ``joint0``, ``body1``, ``actuator2`` by their kind and number.
 

@@ -199,7 +199,7 @@ class NamedModel(ParametricSimulator):
 
     @property
     def exact_step(self) -> bool:
-        """Whether the model's own step is more than an accurate solution of its forward dynamics: it is not where that is of order four."""
+        """Whether the model's own step is more than an accurate solution of its forward dynamics; not where its steps are of order four."""
         return not self._engine().accurate
 
     def keyframe(self, name: str) -> np.ndarray:
