@@ -1,4 +1,4 @@
-"""What programs of others print: on another stream in this process, nowhere in workers, which would only repeat it.
+"""What external programs print: on another stream in this process, nowhere in workers, which would only repeat it.
 
 A library in C writes past Python to the descriptor of the output, and keeps what it wrote in a buffer of its own.
 """

@@ -1,4 +1,4 @@
-"""What goes to the terminal: a pipe that breaks, a disk that is full or a letter it does not know must not end the work."""
+"""Output to the terminal that never raises: a broken pipe, a full disk or an unknown letter must not end the work."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from typing import Any, TextIO
 
 
-class Patient:
+class SafeStream:
     """A text stream that never raises where it is written; the first thing that went wrong is kept in ``error``.
 
     ``stream``: None, where the terminal is closed, swallows everything.
 
     >>> import io
-    >>> from sksurrogate._terminal import Patient
+    >>> from sksurrogate._terminal import SafeStream
     >>> plain = io.TextIOWrapper(io.BytesIO(), encoding="ascii")
-    >>> print("gap ≥ 3", file=Patient(plain), flush=True)
+    >>> print("gap ≥ 3", file=SafeStream(plain), flush=True)
     >>> plain.buffer.getvalue().decode()
     'gap ? 3\\n'
     """
@@ -61,10 +61,10 @@ class Patient:
 
 
 @contextmanager
-def patient_terminal() -> Iterator[Patient]:
+def safe_terminal() -> Iterator[SafeStream]:
     """``sys.stdout`` and ``sys.stderr`` never raise within; yields the first."""
-    shown = Patient(sys.stdout)
-    with redirect_stdout(shown), redirect_stderr(Patient(sys.stderr)):  # type: ignore[type-var]
+    shown = SafeStream(sys.stdout)
+    with redirect_stdout(shown), redirect_stderr(SafeStream(sys.stderr)):  # type: ignore[type-var]
         try:
             yield shown
         finally:

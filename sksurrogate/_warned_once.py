@@ -1,4 +1,4 @@
-"""Warnings of programs of others that are called many times: each line of code warns once."""
+"""Warnings of external programs that are called many times: each line of code warns once."""
 
 from __future__ import annotations
 

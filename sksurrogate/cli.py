@@ -25,7 +25,7 @@ from sksurrogate._csv import read_csv
 from sksurrogate._failures import failure_of
 from sksurrogate._printed import printed_as_errors
 from sksurrogate._swapped import swapped_columns
-from sksurrogate._terminal import patient_terminal
+from sksurrogate._terminal import safe_terminal
 from sksurrogate._warned_once import warned_once
 from sksurrogate.exceptions import DataError, SimulatorError, SurrogateError
 
@@ -37,7 +37,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     words = list(sys.argv[1:] if argv is None else argv)
     arguments = _parser().parse_args(positionals_first(words))
     arguments.words = words
-    with patient_terminal() as shown:
+    with safe_terminal() as shown:
         status = _status(arguments)
         shown.flush()
         if shown.error is not None:

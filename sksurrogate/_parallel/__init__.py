@@ -1,1 +1,1 @@
-"""A second process for questions that do not wait for each other."""
+"""Work in other processes: joblib workers, a forked second process, and the messages between processes."""

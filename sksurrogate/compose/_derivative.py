@@ -23,7 +23,7 @@ from sksurrogate.linear._equation import equation
 from sksurrogate.physics._free_run import LONG_RUN, hold_inputs
 from sksurrogate.runs import Runs
 
-#: Change of a training run, in spreads, that one more halving of the substep may bring.
+#: Change of a training run, in standard deviations of the outputs, that one more halving of the substep may bring.
 SUBSTEPS_SETTLED = 1e-3
 #: Training rows whose free run is watched at most: the substeps that these ask for do for the others.
 MOST_WATCHED = 10_000

@@ -14,7 +14,7 @@ from sksurrogate.runs import Run
 
 
 class Scaling:
-    """Mean and spread of inputs and outputs; the loss is made of scaled numbers."""
+    """Mean and standard deviation of inputs and outputs; the loss is made of scaled numbers."""
 
     def __init__(self, runs: Any):
         X, y = np.concatenate([run.X for run in runs]), np.concatenate([run.y for run in runs])
@@ -40,11 +40,11 @@ class Scaling:
         return _with(model, Net(tuple(weights), tuple(biases), net.activations, mean, std))
 
     def of_features(self, model: LagNet) -> tuple[np.ndarray, np.ndarray]:
-        """Mean and spread of every feature."""
+        """Mean and standard deviation of every feature."""
         return self.of_lags(len(model.output_lags), [j for j, _ in model.input_terms])
 
     def of_lags(self, n: int, columns: list[int]) -> tuple[np.ndarray, np.ndarray]:
-        """Mean and spread of n past outputs and of these columns of the inputs."""
+        """Mean and standard deviation of n past outputs and of these columns of the inputs."""
         mean = np.concatenate([np.tile(self.y_mean, n), self.u_mean[columns]])
         return mean, np.concatenate([np.tile(self.y_std, n), self.u_std[columns]])
 
@@ -119,7 +119,7 @@ def _fill(U: np.ndarray, target: np.ndarray, run: Run, start: int) -> None:
 
 
 def displaced(loss: FreeRunLoss, stability: float) -> FreeRunLoss:
-    """Every piece twice more, started one spread above and below; in its second half it must be back on the data."""
+    """Every piece twice more, started one standard deviation above and below; in its second half it must be back on the data."""
     n, half = loss.n_first, loss.n_first + (loss.target.shape[1] - loss.n_first) // 2
     parts = [loss.target]
     for sign in (1.0, -1.0):

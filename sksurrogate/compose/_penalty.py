@@ -87,7 +87,7 @@ def _quarters(run: Run, n_first: int) -> list[Run]:
 def forgetting(model: LagNet, runs: Sequence[Run], scaling: Scaling, n_first: int) -> float:
     """What is left, in the second half of a run, of first rows at the ends and in the middle of the outputs' range.
 
-    Root mean square in units of the outputs' spread, of the run where it is largest; inf where a run diverges.
+    Root mean square in standard deviations of the outputs, of the run where it is largest; inf where a run diverges.
     """
     y = np.concatenate([run.y for run in runs])  # type: ignore[misc]
     worst = 0.0

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-#: Half width of differences in spreads of the outputs; the second for models of steps (forests), flat almost everywhere.
+#: Half width of differences in standard deviations of the outputs; the second for piecewise constant models (forests).
 SMOOTH_HALF_WIDTH, STEPPED_HALF_WIDTH = 1e-5, 0.5
 
 

@@ -79,7 +79,7 @@ class LagBasis:
 
 @dataclass(frozen=True)
 class BasisLoss(FreeRunLoss):
-    """The loss of :class:`FreeRunLoss` for a :class:`LagBasis`, all numbers in spreads about the mean."""
+    """The loss of :class:`FreeRunLoss` for a :class:`LagBasis`, all numbers in standard deviations about the mean."""
 
     def run(self, model: Any, guess: np.ndarray | None = None, rtol: float = 1e-10) -> np.ndarray:
         """Free runs, by Newton over time from a guess, else step by step; nan after one has gone too far."""

@@ -6,22 +6,22 @@ from collections.abc import Callable
 
 import numpy as np
 
-#: Gauss-Newton steps, and half width of differences; numbers are in spreads.
+#: Gauss-Newton steps, and half width of differences, in standard deviations of the outputs.
 START_STEPS, START_HALF_WIDTH = 8, 1e-5
-#: Spreads that a start may be away from the mean before it is known better: it only holds what no row sees.
-START_SPREADS = 3.0
+#: Prior standard deviation of the first rows about the mean, in those of the outputs: it decides only what no measured row shows.
+START_PRIOR_SD = 3.0
 
 
 def found_start(run: Callable[[np.ndarray], np.ndarray], y: np.ndarray, n: int, noise: float) -> np.ndarray:
     """First n rows from which the free runs come nearest to more measured rows, by Gauss-Newton.
 
-    ``run``: first rows (n_runs, n, n_outputs) -> free runs (n_runs, n_steps, n_outputs), in spreads.
+    ``run``: first rows (n_runs, n, n_outputs) -> free runs (n_runs, n_steps, n_outputs), in standard deviations about the mean.
     ``y`` (n_runs, n_rows, n_outputs): measured; nan where it was not.
     ``noise``: variance of the measurement noise.
     Returns (n_runs, n, n_outputs).
     """
     n_runs, q = len(y), n * y.shape[2]
-    known, precision = np.isfinite(y), noise / START_SPREADS**2
+    known, precision = np.isfinite(y), noise / START_PRIOR_SD**2
     target = np.where(known, y, 0.0)
     z = target[:, :n].reshape(n_runs, -1)
 

@@ -48,7 +48,7 @@ def fit_state_evidence(
 ) -> tuple[StateFit, float]:
     """Follow the minimum from ``alpha`` to the penalty of the largest evidence; the fit and its penalty.
 
-    The way ends where neither the penalty moves nor a round gains half a nat. Steps to models that ``accepts`` refuses are not taken.
+    It ends where neither the penalty moves nor a round gains half a nat. Steps to models that ``accepts`` refuses are not taken.
     """
     steps, before, count = fit.n_iter, np.inf, max(int(np.isfinite(Y).sum()), 1)
     for _ in range(PENALTY_ROUNDS):

@@ -1,4 +1,4 @@
-"""A calibration begins on thinned data: most of the way is gone at a fraction of the work."""
+"""Coarse start of a calibration: a fit to thinned data first, which costs a fraction of one to all rows."""
 
 from __future__ import annotations
 

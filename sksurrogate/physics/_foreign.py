@@ -1,4 +1,4 @@
-"""Programs of others at points: flat arrays of what they may see, nan for what they refuse."""
+"""External programs and functions called at points: they get finite numbers only, and nan stands for what they refuse."""
 
 from __future__ import annotations
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import stdtrit
 
-from sksurrogate.physics._memory import memory
+from sksurrogate.physics._residual_correlation import residual_covariance
 
 #: A direction of the parameters whose singular value is below this share of the largest is not fixed by the data.
 _WEAK = 1e-6
@@ -74,7 +74,7 @@ def uncertainty_of(
     )
     middle = middle + np.diag(held) * residual.size / freedom * float(np.mean((residual / size[:, None]) ** 2))
     covariance = inverse @ (inverse.T @ middle @ inverse) @ inverse.T * np.outer(unit, unit)
-    # noise with a memory counts for fewer samples when its size is judged
+    # correlated noise counts as fewer samples when its size is judged
     width = float(stdtrit(max(freedom / slowest, min(freedom, 3.0)), 0.5 + confidence / 2)) * np.sqrt(
         np.maximum(np.diag(covariance), 0.0)
     )
@@ -93,11 +93,11 @@ def _remembered(
     blocks: list[np.ndarray], residual: np.ndarray, edges: np.ndarray, fixed: np.ndarray, own: list[np.ndarray], spread: float,
     measured: np.ndarray | None = None,
 ) -> tuple[np.ndarray, float]:  # fmt: skip
-    """``J' R J`` with R the covariance of the noise: its size and its memory in time, output by output.
+    """``J' R J`` with R the covariance of the noise: its size and its correlation in time, output by output.
 
     Also by how many samples, at most, one independent sample is worth. ``fixed`` (k, n_known): the directions of the
     parameters that the data fix; ``own``: bases of what every run's initial state does to all outputs; ``spread``:
-    residual size over degrees of freedom. Memory counts from one measured value to the next.
+    residual size over degrees of freedom. Lags are counted from one measured value to the next.
     """
     total = np.zeros((blocks[0].shape[2],) * 2)
     slowest = 1.0
@@ -108,7 +108,7 @@ def _remembered(
         if measured is not None:
             rows = [measured[j, a:b] for a, b in zip(edges[:-1], edges[1:])]
             pieces, starts, mine = ([part[row] for part, row in zip(parts, rows)] for parts in (pieces, starts, mine))
-        cov = memory(pieces, [J @ fixed for J in mine], starts)
+        cov = residual_covariance(pieces, [J @ fixed for J in mine], starts)
         cov = np.array([spread * _mean_square(pieces)]) if cov is None else cov
         slowest = max(slowest, 2.0 * float(np.sum(cov)) / max(float(cov[0]), 1e-300) - 1.0)
         for J in mine:

@@ -1,11 +1,18 @@
-"""What is left over: its memory by restricted likelihood, against closed forms and planted autoregressions."""
+"""Correlation of a residual in time by restricted likelihood, against closed forms and planted autoregressions."""
 
 import numpy as np
 import pytest
 from scipy.linalg import solve_toeplitz, toeplitz
 from scipy.signal import lfilter
 
-from sksurrogate.physics._memory import _coefficients, _continued, _correlations, _durbin, _restricted, memory
+from sksurrogate.physics._residual_correlation import (
+    _coefficients,
+    _continued,
+    _correlations,
+    _durbin,
+    _restricted,
+    residual_covariance,
+)
 
 
 def noise(a, n, rng):
@@ -61,7 +68,7 @@ def test_the_memory_behind_a_fit_is_that_of_the_noise(a):
     for _ in range(25):
         e = noise(a, n, rng)
         e -= Q @ (Q.T @ e)
-        cov = memory([e], [X], [np.zeros((n, 0))])
+        cov = residual_covariance([e], [X], [np.zeros((n, 0))])
         if cov is not None:
             found.append(cov[1] / cov[0])
         naive.append((e[1:] @ e[:-1]) / (e @ e))
@@ -78,10 +85,10 @@ def test_white_noise_has_none():
     count = 0
     for _ in range(40):
         e = rng.normal(size=200)
-        count += memory([e - Q @ (Q.T @ e)], [X], [np.zeros((200, 0))]) is not None
+        count += residual_covariance([e - Q @ (Q.T @ e)], [X], [np.zeros((200, 0))]) is not None
     assert count <= 4
-    assert memory([np.zeros(100)], [X[:100]], [np.zeros((100, 0))]) is None
-    assert memory([rng.normal(size=10)], [X[:10]], [np.zeros((10, 0))]) is None
+    assert residual_covariance([np.zeros(100)], [X[:100]], [np.zeros((100, 0))]) is None
+    assert residual_covariance([rng.normal(size=10)], [X[:10]], [np.zeros((10, 0))]) is None
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -92,4 +99,4 @@ def test_of_a_rigid_fit_there_is_a_memory_where_the_criterion_of_schwarz_says_so
     r = np.array([e[lag:] @ e[: n - lag] for lag in range(21)]) / (e @ e)
     left = [1.0 - r[1 : p + 1] @ np.linalg.solve(toeplitz(r[:p]), r[1 : p + 1]) for p in range(1, 21)]
     scores = n * np.log(left) + np.log(n) * np.arange(1, 21)
-    assert (memory([e], [np.ones((n, 1))], [np.zeros((n, 0))]) is not None) == (min(scores) < 0)
+    assert (residual_covariance([e], [np.ones((n, 1))], [np.zeros((n, 0))]) is not None) == (min(scores) < 0)

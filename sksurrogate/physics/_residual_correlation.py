@@ -1,4 +1,4 @@
-"""Memory of what a fit leaves: an autoregression by restricted likelihood, which counts what the fit has swallowed."""
+"""Correlation of a residual in time: an autoregression by restricted likelihood, which allows for the fitted parameters."""
 
 from __future__ import annotations
 
@@ -10,16 +10,19 @@ from scipy.optimize import minimize, minimize_scalar
 
 #: Longest autoregression.
 _LONGEST = 20
-#: Up to so many rows and so high an order the likelihood is restricted: beyond, what the fit swallows is next to nothing.
+#: Up to so many rows and so high an order the likelihood is restricted: beyond, the fitted
+#: parameters hardly change it.
 _MOST_ROWS, _MOST_ORDER = 20_000, 4
-#: Partial autocorrelations come no nearer to 1, where the memory would have no end.
+#: Partial autocorrelations come no nearer to 1, where the correlation would never end.
 _NEAREST = 0.995
 #: With so many rows for each column a white residual is believed to be one.
 _PLENTY = 50
 
 
-def memory(pieces: Sequence[np.ndarray], shared: Sequence[np.ndarray], own: Sequence[np.ndarray]) -> np.ndarray | None:
-    """Covariance of the noise at lags 0, 1, ...; None for a white one.
+def residual_covariance(
+    pieces: Sequence[np.ndarray], shared: Sequence[np.ndarray], own: Sequence[np.ndarray]
+) -> np.ndarray | None:
+    """Covariance of the noise in a residual at lags 0, 1, ...; None for white noise.
 
     The order is chosen by the criterion of Schwarz. Autocorrelations of the residual are too small where the fit is
     flexible or the record short, since the fit follows slow noise; the restricted likelihood, that of the residual's
