@@ -140,7 +140,7 @@ def outputs_of(y: Any, n_samples: int) -> tuple[np.ndarray | None, list[str] | N
     if values.ndim not in (1, 2):
         raise DataError(f"y has shape {values.shape}, expected (n_samples,) or (n_samples, n_outputs).")
     if len(values) != n_samples:
-        raise DataError(f"X has {n_samples} rows and y has {len(values)}: both need one row a sample.")
+        raise DataError(f"X has {n_samples} rows and y has {len(values)}: both need one row per sample.")
     return values.reshape(n_samples, -1), names, values.ndim == 1
 
 

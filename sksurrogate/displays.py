@@ -22,7 +22,7 @@ class FreeRunDisplay:
     Parameters
     ----------
     t, measured, predicted : list of ndarray
-        One array a run; outputs (n_samples, n_outputs).
+        One array per run; outputs (n_samples, n_outputs).
     labels : list
         Names of the runs.
     interval : list of (low, high), optional
@@ -177,7 +177,7 @@ class ResidualDisplay:
         return cls(tests).plot(ax=ax)
 
     def plot(self, ax: Any = None) -> ResidualDisplay:
-        """Draw one panel a test.
+        """Draw one panel per test.
 
         Parameters
         ----------
@@ -195,7 +195,7 @@ class ResidualDisplay:
             ax = ax[:, 0]
         self.ax_ = np.atleast_1d(ax)
         if len(self.ax_) != len(self.tests):
-            raise DataError(f"ax has {len(self.ax_)} axes, {len(self.tests)} are needed: one a test.")
+            raise DataError(f"ax has {len(self.ax_)} axes, {len(self.tests)} are needed: one per test.")
         self.figure_ = self.ax_[0].figure
         for panel, (name, test) in zip(self.ax_, self.tests.items()):
             outside = np.abs(test.correlation) > test.bound

@@ -61,7 +61,9 @@ def fit_percent(y_true: Any, y_pred: Any) -> np.ndarray:
     """
     truth, found = np.asarray(unmasked(y_true), float), np.asarray(unmasked(y_pred), float)
     if truth.shape != found.shape:
-        raise DataError(f"y_true has shape {truth.shape} and y_pred {found.shape}: give one prediction a measurement.")
+        raise DataError(
+            f"y_true has shape {truth.shape} and y_pred {found.shape}: give one prediction per measurement."
+        )
     truth, found = truth.reshape(len(truth), -1), found.reshape(len(found), -1)
     spread = np.linalg.norm(truth - truth.mean(axis=0), axis=0)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -121,7 +123,7 @@ def cross_correlation_test(residual: Any, u: Any, n_lags: int = 20) -> ResidualT
     """
     e, v = _centred(residual, n_lags, "residual"), _centred(u, n_lags, "u")
     if len(e) != len(v):
-        raise DataError(f"residual has {len(e)} rows and u has {len(v)}: give one input a residual.")
+        raise DataError(f"residual has {len(e)} rows and u has {len(v)}: give one input per residual.")
     n, lags = len(e), np.arange(n_lags + 1)
     cross = np.array([e[k:] @ v[: n - k] for k in lags]) / n
     auto = np.array([v[k:] @ v[: n - k] for k in lags]) / n

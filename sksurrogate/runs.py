@@ -100,7 +100,7 @@ class Runs(Sequence):
         return [rows[run.start : run.stop] for run in self.runs]
 
     def stack(self, parts: Sequence[np.ndarray]) -> np.ndarray:
-        """Join one array a run to ``n_samples`` rows; rows that belong to no run are nan."""
+        """Join one array per run to ``n_samples`` rows; rows that belong to no run are nan."""
         out = np.full((self.n_samples, *np.shape(parts[0])[1:]), np.nan)
         for run, part in zip(self.runs, parts):
             out[run.start : run.stop] = part
@@ -182,7 +182,7 @@ def resolve_runs(
         labels = as_labels(groups)
         if labels.ndim != 1 or len(labels) != n_samples:
             raise DataError(
-                f"groups has shape {labels.shape}, but X has {n_samples} rows: give one label a row, e.g. groups=run_ids."
+                f"groups has shape {labels.shape}, but X has {n_samples} rows: give one label per row, e.g. groups=run_ids."
             )
     keep = [j for j in range(table.shape[1]) if j not in drop]
     refuse_unlabelled(labels, "groups" if groups is not None else f"run={run!r}")
@@ -233,7 +233,7 @@ def stack_runs(X: Sequence[Any], y: Sequence[Any] | None = None) -> tuple:
     array([0, 0, 1])
     """
     if y is not None and len(X) != len(y):
-        raise DataError(f"X is a list of {len(X)} runs and y of {len(y)}: give one entry a run in both.")
+        raise DataError(f"X is a list of {len(X)} runs and y of {len(y)}: give one entry per run in both.")
     parts = [np.asarray(unmasked(part)) for part in X]
     if not parts:
         raise DataError("X holds no run: give a list of at least one array.")
@@ -253,7 +253,7 @@ def stack_runs(X: Sequence[Any], y: Sequence[Any] | None = None) -> tuple:
 
 
 def unstack_runs(X: Any, groups: Any) -> list[np.ndarray]:
-    """Inverse of :func:`stack_runs` for one array: a list with one array a run.
+    """Inverse of :func:`stack_runs` for one array: a list with one array per run.
 
     Parameters
     ----------
@@ -282,7 +282,7 @@ def cut_runs(groups: Any, n_blocks: int, gap: int = 0) -> np.ndarray:
     groups : array-like (n_samples,) or int
         Labels of the runs, or the number of rows of a single run.
     n_blocks : int
-        Blocks a run.
+        Blocks per run.
     gap : int, default=0
         Rows left out (label -1) between two blocks of a run.
 

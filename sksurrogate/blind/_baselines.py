@@ -117,7 +117,7 @@ class _Added:
         self.simulator, self.library, self.coefficients, self.spread = simulator, library, coefficients, spread
 
     def simulate(self, U: np.ndarray, x0: np.ndarray) -> np.ndarray:
-        """Free run by Heun's method, four steps a sample."""
+        """Free run by Heun's method, four steps per sample."""
         x, h = np.array(x0, dtype=float), self.simulator.dt / 4
         rows = np.empty((len(U), len(x)))
         for k, u in enumerate(U):

@@ -15,7 +15,7 @@ from sksurrogate.blind._truths import KINDS, Term, Truth
 
 Params = Mapping[str, Any]
 
-#: A limiter that moves once a sample; a delay that wanders.
+#: A limiter that moves once per sample; a delay that wanders.
 SAMPLED, WANDERING = "sampled", "wandering"
 #: An actuator that is at 0 before a run, whatever the first row is.
 RESTED = "rested"

@@ -160,7 +160,7 @@ class DerivativeRegressor(FreeRunMixin, BaseEstimator):
             if slopes.shape != (runs.n_samples, len(self.y_mean_)):
                 raise DataError(
                     f"dydt has shape {np.shape(dydt)}, expected that of y, ({runs.n_samples}, {len(self.y_mean_)}): "
-                    "one derivative a row and output."
+                    "one derivative per row and output."
                 )
             points = np.concatenate([np.concatenate([run.y, run.X], axis=1) for run in runs])
             target = np.concatenate(runs.unstack(slopes))
@@ -231,7 +231,7 @@ class DerivativeRegressor(FreeRunMixin, BaseEstimator):
         Returns
         -------
         list of str
-            One an output, such as ``"dy/dt = 8 - 2 y"``.
+            One per output, such as ``"dy/dt = 8 - 2 y"``.
 
         Raises
         ------

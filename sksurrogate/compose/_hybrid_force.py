@@ -210,7 +210,7 @@ class ForceCorrection(DynamicsCorrection):
         return share
 
     def _rolled(self, plant: Plant, U: np.ndarray, X0: np.ndarray, quick: bool = False) -> np.ndarray:
-        """States of free runs of equal length, (n_runs, n_samples, n_states); one prediction a sample for all of them."""
+        """States of free runs of equal length, (n_runs, n_samples, n_states); one prediction per sample for all of them."""
         t, columns = plant.dt * np.arange(U.shape[1]), U.transpose(2, 0, 1)
         mean, half = hold_inputs(U, self.model.n_sub, self._order())
         X = np.empty((*U.shape[:2], X0.shape[1]))

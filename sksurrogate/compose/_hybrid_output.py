@@ -30,7 +30,7 @@ _PENALTIES = (1e-8, 1e-5, 1e-3, 1e-1)
 
 @dataclass(frozen=True, eq=False)
 class Free:
-    """Free runs: outputs, spread of the fitted maps, and the weight of the correction; one array a run."""
+    """Free runs: outputs, spread of the fitted maps, and the weight of the correction; one array per run."""
 
     y: list[np.ndarray]
     spread: list[np.ndarray]
@@ -343,7 +343,7 @@ class OutputCorrection:
     def _step_by_step(
         self, step: Any, known: np.ndarray, starts: np.ndarray, started: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """The same, one call a step, with fading and the bound on the deviation."""
+        """The same, one call per step, with fading and the bound on the deviation."""
         n, steps, runs = self.n_lags, *known.shape[:2]
         d, weight = np.zeros((steps + n, runs, self.n_outputs)), np.ones((steps, runs))
         for r in range(runs):  # n rows of no deviation come before the start

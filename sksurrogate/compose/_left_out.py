@@ -84,7 +84,7 @@ class LeftOut:
 
     ``correction``: with ``taught_on(inputs, measured, pieces)`` and ``errors_at(factors, inputs, measured, pieces)``. A
         fold with too few rows for the residual says nothing.
-    ``inputs, measured`` sequence of (n_samples, n_inputs | n_outputs): one a run.
+    ``inputs, measured`` sequence of (n_samples, n_inputs | n_outputs): one per run.
     """
 
     def __init__(self, correction: Any, inputs: Sequence[np.ndarray], measured: Sequence[np.ndarray]):

@@ -27,7 +27,7 @@ def long_runs(
     ``slopes`` (t, x, u) -> dx/dt on arrays (n, *s), ``inputs, times`` sequence of (n_samples, n_inputs) and
         (n_samples,), ``first`` (n_runs, n_states).
     ``order`` {0, 1}: hold.
-    ``n_sub``: substeps a sample.
+    ``n_sub``: substeps per sample.
     ``size`` (n_states,): size of every state.
     Returns list of (n_samples, n_states): nan from where a run has diverged.
     """

@@ -39,7 +39,7 @@ def plant_path(
 
 
 def training_substeps(plant: Plant, rate: Any, inputs: Sequence[np.ndarray], starts: Sequence[Any]) -> int | None:
-    """Substeps a sample that a right-hand side asks for along runs; None where it is stiff, or no right-hand side."""
+    """Substeps per sample that a right-hand side asks for along runs; None where it is stiff, or no right-hand side."""
     if plant.access != "rhs" or not plant.states:
         return None
     model = PlantModel(plant)

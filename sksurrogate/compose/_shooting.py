@@ -107,7 +107,7 @@ class ShootingMixin:
         short = next((run for run in runs if len(run) < k), None)
         if short is not None:
             raise DataError(
-                f"y0 has {k} rows a run, but run {short.label!r} has {len(short)}: give no more than X has."
+                f"y0 has {k} rows per run, but run {short.label!r} has {len(short)}: give no more than X has."
             )
         U, mean, spread = np.stack([run.X[:k] for run in runs]), self.y_mean_, self.y_spread_
         size = (

@@ -21,7 +21,7 @@ class StabilityReport:
     Attributes
     ----------
     labels : tuple
-        One a run.
+        One per run.
     radius : tuple of ndarray (n_steps,)
         Spectral radius of the linearisation at every step after the first rows. A run may be stable although it is above 1 at some steps.
     rate : tuple of float

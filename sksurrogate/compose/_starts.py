@@ -34,7 +34,7 @@ class Starts:
     sd: np.ndarray
 
     def __call__(self, simulator: Any, inputs: Sequence[np.ndarray], first: Sequence[np.ndarray]) -> list[np.ndarray]:
-        """The most probable initial states (n_states,), one a run, given its first rows (n_rows, n_outputs)."""
+        """The most probable initial states (n_states,), one per run, given its first rows (n_rows, n_outputs)."""
         means = [np.asarray(x0) for x0 in plain_starts(simulator, first)]
         out = list(means)
         lengths = [len(y) for y in first]

@@ -145,7 +145,7 @@ class TermModel:
     def derivative(self, coef: np.ndarray, domain: Domain | None = None, factor: float | np.ndarray = 1.0) -> Any:
         """dx/dt (or the next states of a step) as a function of (t, x, u), with coefficients (n_targets, n_basis, n_columns or 1).
 
-        ``factor`` is one number, or one a column.
+        ``factor`` is one number, or one per column.
         """
         inner, targets, amount = self.plant.inner, list(self.targets), self.size[:, None]
 

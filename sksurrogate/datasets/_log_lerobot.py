@@ -23,7 +23,7 @@ STAMP_TOLERANCE = 1e-4
 
 
 def read_lerobot_log(folder: Path, asked: Asked) -> Record:
-    """Frames of all episodes, of one file an episode (version 2) or of several episodes a file (version 3)."""
+    """Frames of all episodes, of one file per episode (version 2) or of several episodes per file (version 3)."""
     info = _info(folder)
     fps, features = float(info["fps"]), info["features"]
     commands = asked.commands or ((COMMANDS,) if asked.inputs is None or len(asked.inputs) else ())

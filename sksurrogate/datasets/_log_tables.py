@@ -233,6 +233,6 @@ class _Arrays:
         self.lengths[key] = len(values)
         if len(values) != first[1]:
             raise DataError(
-                f"{self.path.name}: {first[0]!r} has {first[1]} rows and {key!r} has {len(values)}: every array needs one row a sample."
+                f"{self.path.name}: {first[0]!r} has {first[1]} rows and {key!r} has {len(values)}: every array needs one row per sample."
             )
         return values

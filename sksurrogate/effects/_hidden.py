@@ -239,7 +239,7 @@ class HiddenMode(HiddenEffect):
         return w * probe.dt < RINGS
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
-        """Eight frequencies from two periods a run to six samples a period, lightly and well damped."""
+        """Eight frequencies from two periods per run to six samples per period, lightly and well damped."""
         assert probe.v is not None
         unit = probe.unit(probe.v - np.mean(probe.v))
         highest = np.pi / (3 * probe.dt)

@@ -36,11 +36,11 @@ from sksurrogate.physics._model import PlantModel
 class AugmentedModel:
     """A plant with effects and free parameters over a record.
 
-    The parameter vector ``theta`` holds the parameters of every effect in turn, then one number a free parameter: the
+    The parameter vector ``theta`` holds the parameters of every effect in turn, then one number per free parameter: the
     logarithm of its factor, or what is added to it where its nominal value is 0.
 
     ``free``: names of the parameters that are re-tuned.
-    ``n_sub``: substeps a sample.
+    ``n_sub``: substeps per sample.
     ``scale`` (n_nominal_states,): size of every state.
     ``sharpness``: kinks are smoothed over a variable's size divided by it.
     """

@@ -237,7 +237,7 @@ class AugmentedSimulator(BaseSimulator):
         return X[:n].T, bound.derivative(bound.record.t, X[:, None], bound.shown)[:n, 0].T
 
     def substeps(self, U: Any, x0: Any = None, t: Any = None) -> int:
-        """Runge-Kutta steps a sample that :meth:`simulate` takes for these inputs: an export in as many equals it.
+        """Runge-Kutta steps per sample that :meth:`simulate` takes for these inputs: an export with as many gives the same run.
 
         Parameters
         ----------

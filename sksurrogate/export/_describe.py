@@ -33,7 +33,7 @@ def to_graph(model: Any, n_sub: int | None = None) -> Graph:
         :class:`RecursivePredictor`, :class:`StateSpaceRegressor`, :class:`DerivativeRegressor`, :class:`LaggedLinearRegressor`,
         :class:`HybridRegressor` and simulators with a right-hand side or a step: inputs "x" (state) and "u", outputs "x_next" and "y".
     n_sub : int, optional
-        Runge-Kutta substeps a sample of a right-hand side; None: those of the model where it has its own (hybrids), else 4.
+        Runge-Kutta substeps per sample of a right-hand side; None: those of the model where it has its own (hybrids), else 4.
         ``simulator.substeps(U, x0)`` gives the number that its ``simulate`` takes: with it both are equal to 1e-9.
 
     Returns

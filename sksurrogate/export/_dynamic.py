@@ -14,7 +14,7 @@ AddEstimator = Callable[[Graph, Any, int], int]
 
 
 def substeps_of(n_sub: Any, default: int) -> int:
-    """Substeps a sample as they were asked for, a default where they were not.
+    """Substeps per sample as they were asked for, a default where they were not.
 
     >>> substeps_of(None, 4), substeps_of(2, 4)
     (4, 2)

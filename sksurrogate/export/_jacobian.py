@@ -11,7 +11,7 @@ from sklearn.utils.validation import check_is_fitted
 from sksurrogate.exceptions import DataError, SurrogateError
 from sksurrogate.export._describe import to_graph
 
-#: Transformers whose slope is one number a column.
+#: Transformers whose slope is one number per column.
 _SCALERS = ("StandardScaler", "MinMaxScaler", "MaxAbsScaler", "RobustScaler")
 
 

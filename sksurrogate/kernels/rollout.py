@@ -27,7 +27,7 @@ def march(
     input_terms: Sequence[tuple[int, int]],
     limits: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> np.ndarray:
-    """Free run of any one-step model, all runs at once, one call a step.
+    """Free run of any one-step model, all runs at once, one call per step.
 
     ``step``: (n_runs, n_features) -> (n_runs, n_outputs); features are past outputs lag by lag, then inputs.
     ``U`` (n_runs, n_steps, n_inputs).

@@ -32,7 +32,7 @@ class PCRRegressor(BaseBlockedRegressor):
     features : transformer, optional
         Makes the features from X, block by block as they are needed; never all in memory.
     block_size : int, optional
-        Rows a block; the default makes blocks of 8 MiB.
+        Rows per block; the default makes blocks of 8 MiB.
     solver : {"auto", "gram", "qr"}, default="auto"
         "gram" goes over the data once; "qr" does not square the condition number; "auto" changes from "gram" to "qr"
         where components are asked for that the Gram matrix cannot tell from rounding.

@@ -42,13 +42,13 @@ class PenalizedRegressor(BaseBlockedRegressor):
         The weight of all penalties together (lambda of Eq. 6). "gcv": the one of least generalised cross-validation
         error over ``alphas``, from one factorisation and without a look at the constraints.
     alphas : array-like, optional
-        Candidates for "gcv"; the default spans 16 decades about the ratio of data to penalty, 10 a decade.
+        Candidates for "gcv"; the default spans 16 decades about the ratio of data to penalty, 10 per decade.
     fit_intercept : bool, default=True
     features : transformer, optional
         Makes the features from X, block by block as they are needed; never all in memory. Points of penalties and
         constraints are rows of X, so that slopes and bounds are those by the inputs.
     block_size : int, optional
-        Rows a block; the default makes blocks of 8 MiB.
+        Rows per block; the default makes blocks of 8 MiB.
     solver : {"auto", "gram", "qr"}, default="auto"
         "gram" goes over the data once; "qr" does not square the condition number; "auto" changes from "gram" to "qr"
         where the normal equations are near-singular.

@@ -39,7 +39,7 @@ class SparseRegressor(BaseBlockedRegressor):
     features : transformer, optional
         Makes the features from X, block by block as they are needed.
     block_size : int, optional
-        Rows a block; the default makes blocks of 8 MiB.
+        Rows per block; the default makes blocks of 8 MiB.
 
     Attributes
     ----------
@@ -110,7 +110,7 @@ class SparseRegressor(BaseBlockedRegressor):
     def equations(
         self, input_names: Sequence[str] | None = None, output_names: Sequence[str] | None = None, digits: int = 4
     ) -> list[str]:
-        """The fit as text, one equation an output.
+        """The fit as text, one equation per output.
 
         Parameters
         ----------

@@ -26,7 +26,7 @@ class FitModel:
     inner: PlantModel
     names: Sequence[str]
     record: Record
-    n_sub: int  #: Substeps a sample; of a stiff plant, how finely its graded steps are cut
+    n_sub: int  #: Substeps per sample; of a stiff plant, how finely its graded steps are cut
     scale: np.ndarray  #: (n_states,): size of every state
     stiff: bool = False  #: Whether a sample is stepped by the Rosenbrock method in place of Runge-Kutta
 

@@ -215,7 +215,7 @@ class FMUSimulator(ParametricSimulator):
         return at_points(self._engine().outputs, t, x, u, p)
 
     def _look(self, at_file: bool = True) -> _Looked:
-        """What the unit gives, found out once a process and unit.
+        """What the unit gives, found out once per process and unit.
 
         ``at_file`` looks whether the file has changed; between two points of one run it has not.
         """

@@ -29,7 +29,7 @@ _NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES, 
 
 
 def unpack(path: str) -> str:
-    """Unpack once a process; members that would leave the folder or fill the disk are refused."""
+    """Unpack once per process; members that would leave the folder or fill the disk are refused."""
     file = Path(path)
     if not file.is_file():
         raise SimulatorError(f"path={path!r} is not a file: give the path of an .fmu.")

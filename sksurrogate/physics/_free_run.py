@@ -68,7 +68,7 @@ def free_run(
     ``method``: "auto", "RK4", or a method of :func:`scipy.integrate.solve_ivp`.
     ``many``: whether many points cost little more than one: then long runs are closed by Newton's method, window by
         window.
-    ``n_sub``: with "auto" and "RK4": this many substeps a sample ("auto": unless the run becomes infinite or nan with
+    ``n_sub``: with "auto" and "RK4": this many substeps per sample ("auto": unless the run becomes infinite or nan with
         them); None: as many as the local error asks for.
     Returns (n_runs, n_samples, n_states): not finite from where a run diverges.
     """
@@ -98,7 +98,7 @@ def substeps(
     method: str = "auto",
     many: bool = False,
 ) -> int | None:
-    """Substeps a sample that :func:`free_run` takes along these runs; None where scipy's integrators take them."""
+    """Substeps per sample that :func:`free_run` takes along these runs; None where scipy's integrators take them."""
     if method not in ("auto", "RK4"):
         return None
     with np.errstate(all="ignore"):

@@ -40,7 +40,7 @@ class InnerRunsMixin:
 
     @available_if(lambda self: hasattr(self, "rhs"))
     def substeps(self, U: Any, x0: Any = None, t: Any = None) -> int:
-        """Runge-Kutta steps a sample that :meth:`simulate` takes for these inputs."""
+        """Runge-Kutta steps per sample that :meth:`simulate` takes for these inputs."""
         return int(self._inner().substeps(U, x0, t))
 
     @available_if(lambda self: hasattr(self, "rhs"))

@@ -98,7 +98,7 @@ def _names_in(file: Path) -> list[str]:
 
 
 def read_model(model: Any) -> Any:
-    """The compiled model, not to be written: files and texts are compiled once a process.
+    """The compiled model, not to be written: files and texts are compiled once per process.
 
     Parameters
     ----------

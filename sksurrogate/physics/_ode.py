@@ -169,7 +169,7 @@ class ODESimulator(ParametricSimulator):
         return X[0], model.derivative(times, X[0].T, inputs.T).T
 
     def substeps(self, U: Any, x0: Any = None, t: Any = None) -> int:
-        """Runge-Kutta steps a sample that :meth:`simulate` takes for these inputs: an export in as many equals it.
+        """Runge-Kutta steps per sample that :meth:`simulate` takes for these inputs: an export with as many gives the same run.
 
         Parameters
         ----------

@@ -89,7 +89,7 @@ def test_more_rows_find_the_start_of_any_model():
     holes = y[:, :30].copy()
     holes[:, 3::4] = np.nan
     assert np.isfinite(model.predict(X, y0=holes, groups=groups)).all()
-    with pytest.raises(DataError, match="y0 has 101 rows a run, but run 0 has 100"):
+    with pytest.raises(DataError, match="y0 has 101 rows per run, but run 0 has 100"):
         model.predict(X, y0=np.zeros((30, 101, 1)), groups=groups)
 
 

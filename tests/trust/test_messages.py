@@ -97,7 +97,7 @@ def test_lengths(name):
 
 @ALL
 def test_length_of_groups(name):
-    with pytest.raises(DataError, match=r"groups has shape \(239,\), but X has 240 rows: give one label a row"):
+    with pytest.raises(DataError, match=r"groups has shape \(239,\), but X has 240 rows: give one label per row"):
         door(name).fit(X, y, groups=groups[:-1])
 
 
