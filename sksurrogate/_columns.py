@@ -13,7 +13,7 @@ from sklearn.exceptions import DataConversionWarning
 from sksurrogate._tables import unmasked
 from sksurrogate.exceptions import DataError
 
-#: Names that nobody chose: u0, y1, x2, 3.
+#: Default names, which no user chose: u0, y1, x2, 3.
 _MADE_UP = re.compile(r"[uxy]?\d+")
 
 
@@ -22,10 +22,10 @@ def by_name(data: Any, names: Sequence[str] | str | None, run: Any = None, *, wa
 
     ``names``: signals of the simulator.
     ``run``: the run column (and that of the time), which is kept; a position leaves the frame as it is.
-    ``warn``: whether a frame with other names is worth a word; not where its names have been seen before.
+    ``warn``: whether to warn of a frame with other names; False where its names have been seen before.
     Raises DataError where some columns carry the simulator's names and one that is needed does not.
     Warns DataConversionWarning: None of the columns carries a name of the simulator: they are taken in their own
-        order. Names that nobody chose (u0, y1, 0, 1) on either side pass without a word.
+        order. Default names (u0, y1, 0, 1) on either side give no warning.
     """
     others = run if isinstance(run, list) else [] if run is None else [run]
     if names is None or not hasattr(data, "columns") or not all(isinstance(name, str) for name in others):
@@ -54,7 +54,7 @@ def by_name(data: Any, names: Sequence[str] | str | None, run: Any = None, *, wa
 
 
 def _chosen(names: Sequence[str]) -> bool:
-    """Whether somebody has chosen the names."""
+    """Whether a user has chosen the names."""
     return not all(_MADE_UP.fullmatch(name) for name in names)
 
 

@@ -208,7 +208,7 @@ def _with(simulator: Any, names: list[str], log_ratio: np.ndarray) -> Any:
 
 
 def _free_run(simulator: Any, U: np.ndarray, x0: np.ndarray) -> np.ndarray:
-    """Outputs; a large constant where it runs away."""
+    """Outputs; a large constant where the run diverges."""
     try:
         return np.asarray(simulator.simulate(U, x0=x0))
     except ValueError:

@@ -80,7 +80,7 @@ class Question:
     effects : list of str or None
         What is left of the catalogue; None for all of it.
     X_test : ndarray (n_runs, n_samples, n_inputs)
-        Inputs of runs that nobody fits, to be predicted.
+        Inputs of held-out runs, to be predicted.
     x0_test : ndarray (n_runs, n_states)
     X_far, x0_far : ndarray, optional
         Of the arm ``law`` runs at 1.5 times the range, to be predicted too.

@@ -313,7 +313,7 @@ def sized(setting: Setting, name: str, location: str, variable: str | None, kind
 
 
 def _gaps(setting: Setting, truth: Truth, times: int, few: int) -> np.ndarray:
-    """Gap over noise for several sizes, runs at once; inf where the plant runs away."""
+    """Gap over noise for several sizes, runs at once; inf where the plant diverges."""
     U, X0 = np.tile(setting.U[:few], (times, 1, 1)), np.tile(setting.X0[:few], (times, 1))
     policy = setting.controller.tiled(times, few) if setting.controller else None
     course = march(setting.plant, U, X0, [truth], policy=policy, substeps=6)

@@ -1,4 +1,4 @@
-"""What a law that was found is worth: its effect on runs that nobody fitted, within and beyond the range, and its structure."""
+"""What a law that was found is worth: its effect on held-out runs, within and beyond the range, and its structure."""
 
 from __future__ import annotations
 

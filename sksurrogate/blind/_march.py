@@ -47,7 +47,7 @@ def march(
     ``truths``: at most one on each input and on each output; parameters may hold one value for each run.
     ``force`` (str, ndarray (n_runs, n_samples)): a state and what is added to its derivative, held over each sample.
     ``substeps``: steps in a sample.
-    Returns Course: not finite from where the plant runs away.
+    Returns Course: not finite from where the plant diverges.
     """
     machine = _Machine(plant, np.array(U, dtype=float), truths, force)
     n_runs, n_samples, _ = U.shape

@@ -27,7 +27,7 @@ ROBOT_ARMS: dict[str, tuple[str, str]] = {
 }
 #: Where a torque without a name enters a joint, ``{}`` standing for its name: all of them are its place.
 PLACES_OF_JOINT = ("{}", "drive_{}", "{}.vel")
-#: Share of the gap (amplitude) on runs nobody fitted from which other names imitate what has no name.
+#: Share of the gap (amplitude) on held-out runs from which other names imitate what has no name.
 ROBOT_IMITATED = 0.95
 
 
@@ -156,7 +156,7 @@ def score_robot_case(case: RobotCase, answer: Mapping[str, Any]) -> dict[str, An
     """One row of results, as :func:`sksurrogate.blind._score.score` makes it.
 
     ``right``: the right verdict, a right name in every class that is named. ``error_after`` beside ``noise``: how the
-    corrected simulator follows runs that nobody fitted. ``oracle``: by which share the error falls with what acts, fitted;
+    corrected simulator follows held-out runs. ``oracle``: by which share the error falls with what acts, fitted;
     ``beside_oracle``: the error against readings of those runs over the oracle's.
     """
     expected = ROBOT_ARMS[case.arm][1]

@@ -168,7 +168,7 @@ def robot_case(rng: np.random.Generator, kind: str | None) -> dict[str, Any] | N
 
 
 def _over(real: np.ndarray, nominal: np.ndarray, noise: np.ndarray) -> float:
-    """Root mean square of the gap over the noise; infinite where a run ran away."""
+    """Root mean square of the gap over the noise; infinite where a run diverged."""
     error = (real - nominal) / noise
     return float(np.sqrt(np.mean(error**2))) if np.isfinite(error).all() else float("inf")
 

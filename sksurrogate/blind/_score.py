@@ -15,7 +15,7 @@ from sksurrogate.blind._shape import active, region_score, shape_curve, shape_sc
 from sksurrogate.blind._truths import KINDS, NOVEL, Truth
 
 Key = tuple[str, str, str | None]
-#: Share of the gap (amplitude) on runs nobody fitted from which other names imitate the withheld one.
+#: Share of the gap (amplitude) on held-out runs from which other names imitate the withheld one.
 IMITATED = 0.95
 #: What a row keeps of each effect that was named.
 KEPT_OF_EFFECTS = ("name", "location", "variable", "share", "params", "intervals", "probability", "equivalents")
@@ -29,9 +29,9 @@ def score(case: Case, answer: Mapping[str, Any], *, oracle: bool = True) -> dict
     Returns dict: plain data. ``right``: the verdict is the right one, every true effect is named up to twins, nothing
         false is named. ``named``, ``false_names``: counts. ``exact``: truths named by their own name. ``place``: the
         location likely is that of a true effect. ``classes``: sizes of the classes reported. ``covered``: whether each
-        true parameter lies in its interval. ``shrink``, ``oracle``: by which share the error on runs nobody fitted
+        true parameter lies in its interval. ``shrink``, ``oracle``: by which share the error on held-out runs
         fell, without their noise. ``imitated``: no true effect is named, and the names that are close 95 %
-        of the gap on runs nobody fitted.
+        of the gap on held-out runs.
     """
     row: dict[str, Any] = {**case.facts, "expected": ARMS[case.arm][1]}
     if "error" in answer:

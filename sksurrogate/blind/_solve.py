@@ -134,7 +134,7 @@ def suggestion(following: Any) -> dict[str, Any] | None:
 
 
 def predict(simulator: Any, question: Question, far: bool = False) -> list[Any]:
-    """Free runs over the test inputs, or over those beyond the range; nan where they run away."""
+    """Free runs over the test inputs, or over those beyond the range; nan where they diverge."""
     found = []
     inputs, starts = (question.X_far, question.x0_far) if far else (question.X_test, question.x0_test)
     for U, x0 in zip([] if inputs is None else inputs, [] if starts is None else starts):

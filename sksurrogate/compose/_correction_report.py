@@ -125,7 +125,7 @@ class _Judged:
 def supported_reach(departures: np.ndarray) -> float:
     """How far a correction acts beyond its data: as far as two left-out blocks at least have gone beyond theirs.
 
-    What it does farther out nobody has seen, and one block does not tell how its errors vary from block to block.
+    Farther out there are no data, and one block does not show how the errors vary from block to block.
 
     ``departures`` (n_blocks,): see :meth:`LeftOut.departures`.
 

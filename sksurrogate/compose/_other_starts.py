@@ -16,7 +16,7 @@ BEYOND, ROUGH = 0.05, 0.1
 #: A fit must not leave more than this multiple of what the reference leaves of a start, and this many standard
 #: deviations.
 TIMES_REFERENCE, AT_LEAST = 3.0, 0.1
-#: Share of the training range by which a fit may leave it further than the reference; runs away were 0.4 and more.
+#: Share of the training range by which a fit may leave it further than the reference; in diverging fits it was 0.4 and more.
 LEAVES_RANGE = 0.3
 #: Standard deviations from the mean at which a run counts as lost.
 LOST_SPREADS = 1e6

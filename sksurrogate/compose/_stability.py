@@ -27,7 +27,7 @@ class StabilityReport:
     rate : tuple of float
         Mean factor of a disturbance a step over the whole run: below 1 the run forgets where it began.
     peak : tuple of float
-        Largest factor that a disturbance of the first rows reaches on the way.
+        Largest factor that a disturbance of the first rows reaches along the run.
     memory : tuple of float
         Steps after which a disturbance is a hundredth; inf where the rate is not below 1.
     """

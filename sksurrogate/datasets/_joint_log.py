@@ -163,7 +163,7 @@ def load_joint_log(
     **Rows.** A row is a reading. Its input is the command in force from there to the next row; where commands come in between, their
     mean over the row, so that the integral of a force is kept. Readings that stand on an even grid to 0.1 % of a step become rows
     that are ``dt`` apart, with nan in y where one is missing; else X has a column ``time``. In a table (and where the inputs are
-    the effort of the readings) nobody knows what acted in a gap: then X has that column, too, and the diagnosis decides.
+    the effort of the readings) it is unknown what acted in a gap: then X has that column, too, and the diagnosis decides.
 
     **Messages.** Those out of order are sorted. Readings before the first command are left out. A message may lack joints (nan in y;
     a command goes on). The same reading twice at one time counts once. Of several topics, the one with most readings gives the rows;

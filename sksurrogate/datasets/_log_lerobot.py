@@ -15,7 +15,7 @@ from sksurrogate.datasets._log_tables import table_record
 from sksurrogate.exceptions import DataError, require
 
 INFO = Path("meta", "info.json")
-#: Features that hold readings and commands where nobody says it, and those that count frames.
+#: Features that hold readings and commands by default, and those that count frames.
 READINGS, COMMANDS = "observation.state", "action"
 EPISODE, FRAME, TIME = "episode_index", "frame_index", "timestamp"
 #: Time in s by which stamps may differ from frames divided by the frame rate: LeRobot's own tolerance.

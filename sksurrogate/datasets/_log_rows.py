@@ -197,7 +197,7 @@ def _on_grid(cut: _Cut, dt: float) -> bool:
 
 
 def _has_gap(cut: _Cut, dt: float, step: float) -> bool:
-    """Whether nobody knows what entered between two readings that are far apart."""
+    """Whether it is unknown what entered between two readings that are far apart."""
     return not cut.part.apart and bool(np.any(np.diff(cut.t) > GAP * max(dt, step)))
 
 

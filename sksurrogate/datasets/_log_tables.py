@@ -16,7 +16,7 @@ from sksurrogate.datasets._log_streams import Asked, Part, Record, Stream, chose
 from sksurrogate.exceptions import DataError
 from sksurrogate.runs import resolve_runs
 
-#: What columns of the time and of the run are called where nobody says it.
+#: What columns of the time and of the run are called by default.
 TIMES, RUNS = ("time", "timestamp", "t"), ("run", "episode_index")
 
 

@@ -15,11 +15,11 @@ from sksurrogate.effects._onset import Starting
 from sksurrogate.kernels.integrate import close
 from sksurrogate.physics._free_run import TOLERANCE
 
-#: Sharp kinks want many substeps; all samples take them at once, so that this is bearable.
+#: Sharp kinks want many substeps; all samples take them at once, so that their cost stays small.
 MOST_SHARP_SUBSTEPS = 192
 #: Substeps of the inputs where scipy integrates between them.
 SUBSTEPS_OF_SHARP = 4
-#: Right-hand sides that scipy may ask for between two substeps of the inputs: what needs more runs away.
+#: Right-hand sides that scipy may ask for between two substeps of the inputs: what needs more diverges.
 MOST_CALLS = 20_000
 
 #: Effects have kinks, crossed now and then: these ask for fewer substeps than their own error would.
@@ -176,7 +176,7 @@ def _one_sample(bound: BoundModel, x: np.ndarray, t: float, row: int, method: st
 
         def rhs(now: float, z: np.ndarray, u=u, rise=rise, begin=t, width=width, calls=calls) -> np.ndarray:
             if next(calls) > MOST_CALLS:
-                raise ValueError("runs away")
+                raise ValueError("diverges")
             acting = u if rise is None else u + (2 * (now - begin) / width - 1) * rise
             return bound.derivative(np.array([now]), bound.clip(z[:, None, None], now), acting)[:, 0, 0]
 

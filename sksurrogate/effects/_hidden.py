@@ -39,7 +39,7 @@ class Hysteresis(HiddenEffect):
     def rates(
         self, z: np.ndarray, t: Any, v: np.ndarray, dv: np.ndarray, theta: Sequence[Any], width: float
     ) -> Sequence[Any]:
-        """``v' - (v' abs(z) + abs(v') z) / (2 limit)``: the same without a sign of zero to stumble over."""
+        """``v' - (v' abs(z) + abs(v') z) / (2 limit)``: the same without ``sign(0)``."""
         limit = theta[1]
         return [dv - (dv * np.abs(z[0]) + np.abs(dv) * z[0]) / (2 * limit)]
 
@@ -222,7 +222,7 @@ class HiddenMode(HiddenEffect):
         return theta[0] * (z[0] - v)
 
     def lower_bounds(self, duration: float) -> tuple[float, ...]:
-        """Three quarters of a period: what is slower is not a ringing, and runs away beyond the record."""
+        """Three quarters of a period: what is slower is not a ringing, and diverges beyond the record."""
         low = [parameter.low for parameter in self.parameters]
         return low[0], 1.5 * np.pi / duration if duration > 0 else low[1], low[2]
 

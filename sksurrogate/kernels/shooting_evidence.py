@@ -1,4 +1,4 @@
-"""Shooting fits whose penalty follows the evidence on the way down."""
+"""Shooting fits whose penalty follows the evidence from round to round."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def _gram(loss: FreeRunLoss, model: Any, y: np.ndarray) -> np.ndarray:
 
 
 def first_penalty(loss: FreeRunLoss, model: Any, guess: float = 1e-2, n_rounds: int = 5) -> float:
-    """The penalty of the evidence with the model held, for a fit that begins there; ``guess`` where it runs away."""
+    """The penalty of the evidence with the model held, for a fit that begins there; ``guess`` where it diverges."""
     y = loss.run(model)
     gram, e = _gram(loss, model, y), loss.errors(y)
     if not (np.isfinite(gram).all() and np.isfinite(e).all()):

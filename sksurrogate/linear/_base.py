@@ -29,7 +29,7 @@ Blocks = Callable[[], Iterator[tuple[Any, np.ndarray, np.ndarray | None]]]
 
 #: Numbers in a block of features: 8 MiB.
 _BLOCK_NUMBERS = 2**20
-#: Features up to which one BLAS thread is used: a second one only waits, for ages where the machine is shared.
+#: Features up to which one BLAS thread is used: a second one only waits, and long where the machine is shared.
 _ONE_THREAD = 128
 
 

@@ -396,7 +396,7 @@ class FNNRegressor(CallbackSupportMixin, NetAccess, MultiOutputMixin, RegressorM
         return Torch(self.learning_rate, self.batch_size, self.dtype, device, self.loss, options)
 
     def _one_thread(self, rows: Rows) -> Any:
-        """One BLAS thread for small matrices: a second one only waits, for ages where the machine is shared."""
+        """One BLAS thread for small matrices: a second one only waits, and long where the machine is shared."""
         small = len(rows) <= FEW_ROWS or choose("auto", self._sizes(rows), len(rows)) == "lm"
         return _get_threadpool_controller().limit(limits=1 if small else None, user_api="blas")
 

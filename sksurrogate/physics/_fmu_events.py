@@ -96,7 +96,7 @@ class EventSteps:
     def _run(
         self, t: np.ndarray, U: np.ndarray, x0: np.ndarray | None, values: tuple[float, ...], n_sub: int
     ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
-        """:meth:`run` in so many substeps per sample; nan from where the states leave the bearable numbers."""
+        """:meth:`run` in so many substeps per sample; nan from where the states are too large or not finite."""
         unit, s = self.unit, self.unit.signals
         X, Y = np.full((len(t), len(s.states)), np.nan), np.full((len(t), len(s.outputs)), np.nan)
         self._forget()

@@ -7,14 +7,14 @@ from typing import Any
 
 import numpy as np
 
-#: Values beyond this are not offered to a foreign program: their cubes would leave the finite numbers.
+#: Values beyond this are not offered to an external program: their cubes would leave the finite numbers.
 LARGEST_OFFERED = 1e100
 #: What a function raises at a point that it refuses; other errors are mistakes in the function.
 REFUSALS = (ArithmeticError, ValueError, RuntimeError)
 
 
 def offered(*values: np.ndarray) -> np.ndarray:
-    """Which points (n, n_points) a foreign program may see: finite ones of a bearable size.
+    """Which points (n, n_points) an external program may see: finite ones below :data:`LARGEST_OFFERED`.
 
     >>> offered(np.array([[0.0, np.nan, 1.0]]), np.array([1e300, 0.0, 2.0])).tolist()
     [False, False, True]

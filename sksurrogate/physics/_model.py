@@ -47,7 +47,7 @@ class PlantModel:
         self._inputs, self._times, self._params = _Flattened(), _Flattened(), _FlatParams(plant.params)
 
     def probe(self, u: np.ndarray) -> None:
-        """Try the user's functions at the initial state and an input ``u`` (n_inputs,), so that mistakes speak early."""
+        """Try the user's functions at the initial state and an input ``u`` (n_inputs,), so that mistakes are found early."""
         at = (0.0, self.plant.x0, u, self.plant.params)
         if self._rhs is not None:
             self._rhs.probe(*at)

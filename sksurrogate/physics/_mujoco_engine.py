@@ -177,7 +177,7 @@ class Engine:
         return self._points("step", at, 1, self.timestep)[1]
 
     def _points(self, kind: str, at: Points, n_steps: int, timestep: float) -> tuple[np.ndarray, np.ndarray]:
-        """States after some steps, and sensors at the points, equal ones computed once; not finite where the model runs away."""
+        """States after some steps, and sensors at the points, equal ones computed once; not finite where the model diverges."""
         at, which = at.distinct()
         n_points, n_controls = at.x.shape[1], len(at.controls)
         control = np.zeros((n_points, n_controls + len(self.layout.ports)))
@@ -309,7 +309,7 @@ class Engine:
     def _rollout(
         self, models: list[Any], start: np.ndarray, control: np.ndarray, timestep: float
     ) -> tuple[np.ndarray, np.ndarray]:
-        """States (n, n_steps, n_full) and sensors; nan from where the clock of a run stands still: it ran away there."""
+        """States (n, n_steps, n_full) and sensors; nan from where the clock of a run stands still: MuJoCo found it diverging there."""
         n, n_steps = control.shape[:2]
         full, read = np.empty((n, n_steps, start.shape[1])), np.empty((n, n_steps, self.origin.nsensordata))
         self._pool.rollout(
@@ -351,7 +351,7 @@ class _Copies:
 
 
 def _lean(model: Any) -> Any:
-    """A copy that shows when it runs away and leaves out what cannot change a number."""
+    """A copy that shows when a run diverges and leaves out what cannot change a number."""
     mujoco = require("mujoco", "mujoco")
     flags, out = mujoco.mjtDisableBit, copy.copy(model)
     without = [flags.mjDSBL_AUTORESET]
@@ -380,7 +380,7 @@ def _explicit(model: Any) -> Any:
 
 @contextmanager
 def silent() -> Iterator[None]:
-    """MuJoCo writes a file in the working folder for a run that runs away, which is seen by its clock, and for an inertia below 0."""
+    """MuJoCo writes a file in the working folder for a run that diverges, which its clock shows, and for an inertia below 0."""
     mujoco = require("mujoco", "mujoco")
     before: Any = mujoco.get_mju_user_warning()
     mujoco.set_mju_user_warning(_unheard)

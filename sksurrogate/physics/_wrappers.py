@@ -33,7 +33,7 @@ def _inputs(U: Any, names: Sequence[str] | None = None) -> np.ndarray:
 
 
 def _bearable(inputs: np.ndarray) -> np.ndarray:
-    """The inputs, which a function of somebody else may see."""
+    """The inputs, checked to be finite numbers that a user's function can take."""
     if not offered(inputs.T).all():
         row = int(np.flatnonzero(~offered(inputs.T))[0])
         raise SimulatorError(
