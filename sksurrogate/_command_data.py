@@ -27,15 +27,15 @@ def add_data(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--run", metavar="COL", help="column that names the run of each row")
     parser.add_argument("--time", metavar="COL", help="column that holds the time")
     parser.add_argument(
-        "--columns", metavar="SIGNAL=COLUMN", nargs="+", default=[],
+        "--columns", metavar="SIGNAL=COLUMN", nargs="+", action="extend", default=[],
         help="columns whose names are not those of the signals",
     )  # fmt: skip
     parser.add_argument(
-        "--readings", metavar="NAME", nargs="+", default=[],
+        "--readings", metavar="NAME", nargs="+", action="extend", default=[],
         help="joint logs: topics, features or tables of the outputs",
     )  # fmt: skip
     parser.add_argument(
-        "--commands", metavar="NAME", nargs="+", default=[],
+        "--commands", metavar="NAME", nargs="+", action="extend", default=[],
         help="joint logs: topics, features or tables of the inputs",
     )  # fmt: skip
     parser.add_argument("--clock", choices=("header", "log"), help="MCAP: times of the headers, or of the recording")

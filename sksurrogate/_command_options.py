@@ -12,19 +12,19 @@ from sksurrogate.exceptions import DataError
 def add_knowledge(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     parser.add_argument(
-        "--exclude", metavar="WHAT", nargs="+", default=[],
+        "--exclude", metavar="WHAT", nargs="+", action="extend", default=[],
         help="effects, places, effect@place or effect@place@variable that are known not to be there",
     )  # fmt: skip
     parser.add_argument(
-        "--plausible", metavar="WHAT", nargs="+", default=[],
+        "--plausible", metavar="WHAT", nargs="+", action="extend", default=[],
         help="effect@place: that effect acts there only; an effect or a place alone: no effects but these",
     )  # fmt: skip
     parser.add_argument(
-        "--bounds", metavar="NAME=LOW:HIGH", nargs="+", default=[],
+        "--bounds", metavar="NAME=LOW:HIGH", nargs="+", action="extend", default=[],
         help="bounds of parameters; an empty side is open",
     )  # fmt: skip
     parser.add_argument(
-        "--prior", metavar="NAME=SD", nargs="+", default=[],
+        "--prior", metavar="NAME=SD", nargs="+", action="extend", default=[],
         help="relative standard deviation of a parameter, or NAME=MEAN:SD in its unit",
     )  # fmt: skip
     parser.add_argument(

@@ -70,11 +70,21 @@ def _parser() -> argparse.ArgumentParser:
     diagnose.add_argument("simulator", help="file.py:name of a simulator object")
     add_data(diagnose)
     diagnose.add_argument(
-        "--free", metavar="NAME", nargs="+", default=[], help="parameters to re-tune; all for every one"
+        "--free",
+        metavar="NAME",
+        nargs="+",
+        action="extend",
+        default=[],
+        help="parameters to re-tune; all for every one",
     )
     add_knowledge(diagnose)
     diagnose.add_argument(
-        "--effects", metavar="NAME", nargs="+", default=None, help="compare these effects only; default: the catalogue"
+        "--effects",
+        metavar="NAME",
+        nargs="+",
+        action="extend",
+        default=None,
+        help="compare these effects only; default: the catalogue",
     )
     diagnose.add_argument("--seed", type=int, default=0, help="of the bootstrap (default 0)")
     diagnose.add_argument("--title", default="", help="title of the report")

@@ -272,6 +272,12 @@ def test_a_simulator_file_that_fails(source, message, tmp_path):
         load_simulator(f"{tmp_path / 'plant.py'}:plant")
 
 
+def test_a_class_is_no_simulator(folder, capsys):
+    (folder / "cls.py").write_text("from sksurrogate.physics import ODESimulator\n")
+    assert main(["diagnose", f"{folder / 'cls.py'}:ODESimulator", str(folder / "data.csv"), "--run", "experiment"]) == 2
+    assert "simulator=ODESimulator is a class: give one simulator of it" in capsys.readouterr().err
+
+
 def test_the_saved_file_is_the_augmented_simulator_again(folder):
     command = ["diagnose", f"{folder / 'plant.py'}:plant", str(folder / "data.csv"), "--run", "experiment", "--quiet"]
     assert main([*command, "--save", str(folder / "better.json")]) == 0

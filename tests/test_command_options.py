@@ -25,11 +25,14 @@ def parsed(options):
             ["--exclude", "drift", "friction@speed", "@level"],
             {"exclude": ["drift", ("friction", "speed"), (None, "level")]},
         ),
+        (["--exclude", "drift", "--exclude", "@level"], {"exclude": ["drift", (None, "level")]}),
+        (["--bounds", "k=0.1:2", "--bounds", "c=:3"], {"bounds": {"k": (0.1, 2.0), "c": (None, 3.0)}}),
         (["--plausible", "*friction@joint", "valve"], {"plausible": [("*friction", "joint"), "valve"]}),
     ],
 )
 def test_what_is_known_is_read_from_the_command_line(options, expected):
     found = knowledge_of(parsed(options))
+    assert knowledge_of(parsed([])) != found  # nothing is kept from one call to the next
     assert found == {
         "time_limit": None,
         "clock_offset": 0.0,

@@ -14,9 +14,6 @@ from sksurrogate.physics._simulator import Plant
 
 def asked_names(plant: Plant, params: Sequence[str] | None) -> list[str]:
     """Names to fit."""
-    if isinstance(plant.simulator, type):
-        name = plant.simulator.__name__
-        raise SimulatorError(f"simulator={name} is a class: give one simulator of it, {name}(...).")
     if plant.access == "trajectory":
         raise SimulatorError(
             f"CalibratedSimulator needs a simulator with rhs or step and states; {type(plant.simulator).__name__} gives trajectories only: "

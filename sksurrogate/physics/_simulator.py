@@ -190,8 +190,11 @@ def describe(
 
     ``n_inputs, n_outputs``: columns of the data, for simulators that do not name their signals.
     ``dt``: sample time for simulators that have none.
-    Raises SimulatorError where there is no ``simulate``, or names and data do not fit.
+    Raises SimulatorError where it is a class, has no ``simulate``, or names and data do not fit.
     """
+    if isinstance(simulator, type):
+        name = simulator.__name__
+        raise SimulatorError(f"simulator={name} is a class: give one simulator of it, {name}(...).")
     if not callable(getattr(simulator, "simulate", None)):
         raise SimulatorError(
             f"simulator={simulator!r} has no method simulate(U, x0=None, t=None): wrap it, "

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -99,14 +100,15 @@ class TableSimulator(BaseSimulator):
 
     def simulate(self, U: Any, x0: Any = None, t: Any = None) -> np.ndarray:
         """Simulated outputs (n_samples, n_outputs) of inputs that are in the table."""
-        inputs = _inputs(by_name(U, self.inputs or getattr(self.U, "columns", None)))
+        names = self.inputs or getattr(self.U, "columns", None)
+        inputs = _inputs(by_name(U, names))
         if self.columns is not None:
             return inputs[:, self._places_of_columns(inputs.shape[1])]
         if self.U is None or self.Y is None:
             raise SimulatorError(
                 "TableSimulator needs U and Y (what was simulated), or columns (where U holds the outputs)."
             )
-        table, outputs = _inputs(self.U), np.asarray(unmasked(self.Y), dtype=float)
+        table, outputs = _inputs(by_name(self.U, names)), np.asarray(by_name(self.Y, self.outputs), dtype=float)
         outputs = outputs.reshape(len(outputs), -1)
         if len(table) != len(outputs):
             raise SimulatorError(
@@ -210,7 +212,12 @@ class CallableSimulator(ParametricSimulator):
 
     def simulate(self, U: Any, x0: Any = None, t: Any = None) -> np.ndarray:
         """Free run of one run: (n_samples, n_outputs)."""
-        inputs = _bearable(_inputs(U, self.inputs))
+        learned = list(
+            getattr(self.function, "feature_names_in_", [])
+        )  # names of the columns that an estimator was fitted to
+        inputs = _bearable(_inputs(U, self.inputs or learned or None))
+        if self.inputs and set(learned) == set(self.inputs):
+            inputs = inputs[:, [list(self.inputs).index(name) for name in learned]]
         times = self.dt * np.arange(len(inputs)) if t is None else np.asarray(t, dtype=float)
         try:
             out = self._called(inputs, x0, t)
@@ -241,7 +248,9 @@ class CallableSimulator(ParametricSimulator):
     def _called(self, inputs: np.ndarray, x0: Any, t: Any) -> Any:
         """What the function, or the estimator, returns."""
         if hasattr(self.function, "predict"):
-            return self.function.predict(inputs.copy())
+            with warnings.catch_warnings():  # its columns have the order of its names
+                warnings.filterwarnings("ignore", "X does not have valid feature names")
+                return self.function.predict(inputs.copy())
         if callable(self.function):
             start = self.x0 if x0 is None else x0
             start = start.copy() if isinstance(start, np.ndarray) else start

@@ -1,6 +1,7 @@
 """Wrappers against closed forms and against each other."""
 
 import pickle
+import warnings
 from functools import partial
 
 import numpy as np
@@ -116,6 +117,26 @@ def test_the_table_finds_runs_and_pieces_again():
         table.simulate(U[10:20])  # across two runs
     with pytest.raises(SimulatorError, match="give x0"):
         TableSimulator(np.ones((4, 1)), np.arange(4.0)).simulate(np.ones((2, 1)))
+
+
+def test_frames_are_taken_by_their_names():
+    pd = pytest.importorskip("pandas")
+    U = pd.DataFrame(np.random.default_rng(0).normal(size=(30, 2)), columns=["a", "b"])
+    Y = pd.DataFrame({"temp": 20.0 + U.a, "level": U.b})
+    wanted = Y[["level", "temp"]].to_numpy()
+    for table in (U, U[["b", "a"]]):
+        found = TableSimulator(table, Y, inputs=["a", "b"], outputs=["level", "temp"])
+        np.testing.assert_array_equal(found.simulate(U), wanted)
+        np.testing.assert_array_equal(found.simulate(U[["b", "a"]]), wanted)
+        np.testing.assert_array_equal(found.simulate(U.to_numpy()), wanted)
+    np.testing.assert_array_equal(TableSimulator(U[["b", "a"]], Y).simulate(U), Y.to_numpy())
+    model = LinearRegression().fit(U[["b", "a"]], Y.temp)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        np.testing.assert_allclose(CallableSimulator(model).simulate(U)[:, 0], Y.temp)
+        named = CallableSimulator(model, inputs=["a", "b"])
+        np.testing.assert_allclose(named.simulate(U.to_numpy())[:, 0], Y.temp)
+        np.testing.assert_allclose(named.simulate(U)[:, 0], Y.temp)
 
 
 def test_the_table_takes_columns_of_the_inputs():
