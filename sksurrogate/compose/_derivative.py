@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import warnings
+from numbers import Integral, Real
 from typing import Any
 
 import numpy as np
 from scipy.integrate import solve_ivp
-from sklearn.base import BaseEstimator, clone
+from sklearn.base import BaseEstimator, _fit_context, clone
+from sklearn.utils._param_validation import HasMethods, Interval, StrOptions
 from sklearn.utils.validation import check_is_fitted
 
 from sksurrogate._dynamic import FreeRunMixin, lengthened
@@ -104,6 +106,18 @@ class DerivativeRegressor(FreeRunMixin, BaseEstimator):
     _integrates = True
     __metadata_request__fit = {"dydt": True}
 
+    _parameter_constraints: dict = {
+        "estimator": [HasMethods(["fit", "predict"])],
+        "dt": [Interval(Real, 0, None, closed="neither")],
+        "hold": [StrOptions({"zoh", "foh"})],
+        "window": [Interval(Integral, 1, None, closed="left")],
+        "method": [StrOptions({"RK4", "LSODA", "Radau", "BDF", "RK45", "DOP853"})],
+        "n_sub": [Interval(Integral, 1, None, closed="left"), None],
+        "init": [StrOptions({"mean"}), "array-like"],
+        "run": [None, str, Integral],
+        "time": [None, str, Integral],
+    }
+
     def __init__(
         self,
         estimator: Any,
@@ -127,6 +141,7 @@ class DerivativeRegressor(FreeRunMixin, BaseEstimator):
         self.run = run
         self.time = time
 
+    @_fit_context(prefer_skip_nested_validation=False)
     def fit(self, X: Any, y: Any, dydt: Any = None, groups: Any = None) -> DerivativeRegressor:
         """Fit f.
 
@@ -142,12 +157,6 @@ class DerivativeRegressor(FreeRunMixin, BaseEstimator):
         -------
         self
         """
-        if self.hold not in ("zoh", "foh"):
-            raise ValueError(f'hold={self.hold!r} must be "zoh" (held) or "foh" (joined linearly).')
-        if self.method not in ("RK4", "LSODA", "Radau", "BDF", "RK45", "DOP853"):
-            raise ValueError(f'method={self.method!r} must be "RK4", "LSODA", "Radau", "BDF", "RK45" or "DOP853".')
-        if self.window < 1 or (self.n_sub is not None and self.n_sub < 1):
-            raise ValueError(f"window={self.window!r}, n_sub={self.n_sub!r}: both must be at least 1.")
         runs = self._resolve(X, y, groups, reset=True, min_rows=2 if dydt is None else 1)
         self.n_initial_ = 1
         o, m = len(self.y_mean_), runs[0].X.shape[1]
@@ -296,7 +305,7 @@ class DerivativeRegressor(FreeRunMixin, BaseEstimator):
             if moved <= SUBSTEPS_SETTLED and not lost:
                 break
             out, self.n_sub_ = finer, 2 * self.n_sub_
-        if self.n_sub_ == 64:
+        if self.n_sub is None and self.n_sub_ == 64:
             warnings.warn(
                 'the fitted model is stiff for its sample time: 64 substeps were taken; try method="LSODA".',
                 RuntimeWarning,

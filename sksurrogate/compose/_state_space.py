@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from numbers import Real
+from numbers import Integral, Real
 from typing import Any, NamedTuple
 
 import numpy as np
-from sklearn.base import BaseEstimator
+from sklearn.base import BaseEstimator, _fit_context
 from sklearn.utils import check_random_state
+from sklearn.utils._param_validation import Interval, StrOptions
 from sklearn.utils.validation import check_is_fitted
 
 from sksurrogate._dynamic import FreeRunMixin, lengthened
@@ -118,6 +119,21 @@ class StateSpaceRegressor(FreeRunMixin, BaseEstimator):
     u_spread_: np.ndarray
     __metadata_request__predict = {"return_std": True}
 
+    _parameter_constraints: dict = {
+        "n_states": [Interval(Integral, 1, None, closed="left")],
+        "hidden_layer_sizes": ["array-like"],
+        "feedthrough": ["boolean"],
+        "alpha": [StrOptions({"evidence"}), Interval(Real, 0, None, closed="left")],
+        "refine": ["boolean"],
+        "horizon": [Interval(Integral, 1, None, closed="left"), None],
+        "n_initial": [Interval(Integral, 1, None, closed="left"), None],
+        "n_starts": [Interval(Integral, 1, None, closed="left")],
+        "max_iter": [Interval(Integral, 1, None, closed="left")],
+        "init": [StrOptions({"mean", "steady"}), "array-like"],
+        "run": [None, str, Integral],
+        "random_state": ["random_state"],
+    }
+
     def __init__(
         self,
         n_states: int = 2,
@@ -147,6 +163,7 @@ class StateSpaceRegressor(FreeRunMixin, BaseEstimator):
         self.run = run
         self.random_state = random_state
 
+    @_fit_context(prefer_skip_nested_validation=False)
     def fit(self, X: Any, y: Any, groups: Any = None) -> StateSpaceRegressor:
         """Fit f, g and the initial state of every run.
 
@@ -160,13 +177,10 @@ class StateSpaceRegressor(FreeRunMixin, BaseEstimator):
         -------
         self
         """
-        counts = {"n_states": self.n_states, "n_starts": self.n_starts, "max_iter": self.max_iter}
-        counts |= {name: getattr(self, name) for name in ("horizon", "n_initial") if getattr(self, name) is not None}
-        for name, value in counts.items():
-            if not (isinstance(value, (int, np.integer)) and value >= 1):
-                raise ValueError(f"{name}={value!r} must be an int of at least 1.")
-        if not (self.alpha == "evidence" or (isinstance(self.alpha, Real) and self.alpha >= 0)):
-            raise ValueError(f'alpha={self.alpha!r} must be "evidence" or a number of at least 0.')
+        if not all(isinstance(size, Integral) and size >= 1 for size in self.hidden_layer_sizes):
+            raise ValueError(
+                f"hidden_layer_sizes={self.hidden_layer_sizes!r}: expected units per layer, each at least 1; () for none."
+            )
         self.n_initial_ = int(self.n_initial or 2 * self.n_states + 2)
         runs = self._resolve(X, y, groups, reset=True, min_rows=2)
         inputs = np.concatenate([run.X for run in runs])

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from numbers import Real
 from typing import Any
 
 import numpy as np
-from sklearn.base import BaseEstimator, MetaEstimatorMixin, clone
+from sklearn.base import BaseEstimator, MetaEstimatorMixin, _fit_context, clone
 from sklearn.utils import check_random_state
+from sklearn.utils._param_validation import HasMethods, Interval, StrOptions
 from sklearn.utils.validation import check_is_fitted
 
 from sksurrogate.exceptions import RunError
@@ -64,6 +66,14 @@ class ConformalFreeRun(MetaEstimatorMixin, BaseEstimator):
     __metadata_request__fit = {"groups": True}
     __metadata_request__predict = {"groups": True, "y0": True}
 
+    _parameter_constraints: dict = {
+        "estimator": [HasMethods(["fit", "predict"])],
+        "coverage": [Interval(Real, 0, 1, closed="neither")],
+        "kind": [StrOptions({"run", "row"})],
+        "calibration": [Interval(Real, 0, 1, closed="neither")],
+        "random_state": ["random_state"],
+    }
+
     def __init__(
         self,
         estimator: Any,
@@ -79,6 +89,7 @@ class ConformalFreeRun(MetaEstimatorMixin, BaseEstimator):
         self.calibration = calibration
         self.random_state = random_state
 
+    @_fit_context(prefer_skip_nested_validation=False)
     def fit(self, X: Any, y: Any, groups: Any = None) -> ConformalFreeRun:
         """Fit on some runs, calibrate on the others.
 
@@ -97,11 +108,6 @@ class ConformalFreeRun(MetaEstimatorMixin, BaseEstimator):
         RunError
             Too few runs: n calibration runs can promise no more than ``n / (n + 1)``.
         """
-        if not 0 < self.coverage < 1 or not 0 < self.calibration < 1 or self.kind not in ("run", "row"):
-            raise ValueError(
-                f"coverage={self.coverage!r} and calibration={self.calibration!r} must lie between 0 and 1, "
-                f'kind={self.kind!r} must be "run" or "row".'
-            )
         run = getattr(self.estimator, "run", None)
         runs = resolve_runs(X, y, groups=groups, run=run)
         frozen = type(self.estimator).__name__ == "FrozenEstimator"

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from functools import cache
+from numbers import Integral, Real
 from typing import Any
 
 import numpy as np
-from sklearn.base import BaseEstimator
+from sklearn.base import BaseEstimator, _fit_context
 from sklearn.utils import check_random_state
+from sklearn.utils._param_validation import Interval, StrOptions
 from sklearn.utils.validation import check_is_fitted
 
 from sksurrogate._dynamic import FreeRunMixin, lengthened
@@ -78,6 +80,23 @@ class RecurrentRegressor(FreeRunMixin, BaseEstimator):
     (480,)
     """
 
+    _parameter_constraints: dict = {
+        "cell": [StrOptions({"gru", "lstm"})],
+        "hidden_size": [Interval(Integral, 1, None, closed="left")],
+        "n_layers": [Interval(Integral, 1, None, closed="left")],
+        "n_initial": [Interval(Integral, 1, None, closed="left")],
+        "window": [Interval(Integral, 1, None, closed="left")],
+        "max_epochs": [Interval(Integral, 1, None, closed="left")],
+        "batch_size": [Interval(Integral, 1, None, closed="left")],
+        "learning_rate": [Interval(Real, 0, None, closed="neither")],
+        "alpha": [Interval(Real, 0, None, closed="left")],
+        "init": [StrOptions({"mean"}), "array-like"],
+        "run": [None, str, Integral],
+        "device": [str],
+        "net_params": [dict, None],
+        "random_state": ["random_state"],
+    }
+
     def __init__(
         self,
         cell: str = "gru",
@@ -111,6 +130,7 @@ class RecurrentRegressor(FreeRunMixin, BaseEstimator):
         self.net_params = net_params
         self.random_state = random_state
 
+    @_fit_context(prefer_skip_nested_validation=False)
     def fit(self, X: Any, y: Any, groups: Any = None) -> RecurrentRegressor:
         """Train on the free run.
 
@@ -124,11 +144,6 @@ class RecurrentRegressor(FreeRunMixin, BaseEstimator):
         -------
         self
         """
-        if self.cell not in ("gru", "lstm"):
-            raise ValueError(f'cell={self.cell!r} must be "gru" or "lstm".')
-        for name in ("hidden_size", "n_layers", "n_initial", "window", "max_epochs", "batch_size"):
-            if getattr(self, name) < 1:
-                raise ValueError(f"{name}={getattr(self, name)!r} must be an int of at least 1.")
         n = self.n_initial_ = int(self.n_initial)
         runs = self._resolve(X, y, groups, reset=True, min_rows=n + 1)
         inputs = np.concatenate([run.X for run in runs])

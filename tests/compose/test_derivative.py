@@ -1,5 +1,7 @@
 """Continuous-time models: exact derivatives against Eq. (9), the weak form, free runs against the simulator."""
 
+import warnings
+
 import numpy as np
 import pytest
 from sklearn.base import BaseEstimator, RegressorMixin
@@ -125,6 +127,20 @@ def test_joined_inputs_and_stiff_integrators_agree():
     runs = [model.predict(data.X, y0=first, groups=data.groups) for model in found]
     np.testing.assert_allclose(runs[0], data.y, atol=1e-3)
     np.testing.assert_allclose(runs[1], data.y, atol=1e-4)
+
+
+@pytest.mark.parametrize("given", [{"window": "a"}, {"n_sub": 0}, {"init": "x"}, {"dt": -1.0}, {"hold": "none"}])
+def test_a_parameter_that_is_wrong_is_named(given):
+    X, y, groups = make_reactor_runs(2, 30, random_state=0)
+    with pytest.raises(ValueError, match=f"'{next(iter(given))}' parameter of DerivativeRegressor"):
+        DerivativeRegressor(LinearRegression(), **{"dt": 0.02, **given}).fit(X, y, groups=groups)
+
+
+def test_substeps_that_were_asked_for_are_no_sign_of_a_stiff_model():
+    X, y, groups = make_reactor_runs(2, 30, random_state=0)
+    with warnings.catch_warnings():
+        warnings.filterwarnings("error", "the fitted model is stiff")
+        DerivativeRegressor(LinearRegression(), 0.02, n_sub=64).fit(X, y, groups=groups)
 
 
 def test_steps_ahead_join_into_the_free_run():

@@ -166,10 +166,14 @@ def test_starts_without_first_rows():
 
 def test_what_is_wrong_is_said():
     X, y, groups, _ = planted()
-    with pytest.raises(ValueError, match="n_states=0 must be an int"):
+    with pytest.raises(ValueError, match=r"'n_states' parameter.* must be an int"):
         StateSpaceRegressor(0).fit(X, y)
-    with pytest.raises(ValueError, match='alpha=None must be "evidence" or a number'):
+    with pytest.raises(ValueError, match=r"'alpha' parameter.*evidence"):
         StateSpaceRegressor(2, alpha=None).fit(X, y)
+    with pytest.raises(ValueError, match="'init' parameter"):
+        StateSpaceRegressor(2, init="x").fit(X, y)
+    with pytest.raises(ValueError, match=r"hidden_layer_sizes=\(0,\): expected units per layer"):
+        StateSpaceRegressor(2, hidden_layer_sizes=(0,)).fit(X, y)
     model = StateSpaceRegressor(2).fit(X, y, groups=groups)
     with pytest.raises(DataError, match=r"expected \(6, 1\)"):
         model.predict(X, y0=[1.0])

@@ -86,8 +86,9 @@ def test_runs_of_unequal_length_equal_runs_alone():
 
 def test_what_is_wrong_is_said():
     X, y, groups = planted(2, 20)
-    with pytest.raises(ValueError, match="cell='rnn'"):
-        RecurrentRegressor("rnn").fit(X, y)
+    for given in ({"cell": "rnn"}, {"alpha": -1}, {"init": "x"}, {"hidden_size": 0}):
+        with pytest.raises(ValueError, match=f"'{next(iter(given))}' parameter of RecurrentRegressor"):
+            RecurrentRegressor(**given).fit(X, y)
     model = RecurrentRegressor(hidden_size=2, max_epochs=1, random_state=0).fit(X, y, groups=groups)
     with pytest.raises(DataError, match=r"expected \(5, 1\)"):
         model.predict(X, y0=[1.0])
