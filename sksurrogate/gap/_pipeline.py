@@ -18,6 +18,7 @@ from sksurrogate.effects._ports import kind_at
 from sksurrogate.gap._law_stage import LawStage
 from sksurrogate.gap._progress import INTERRUPTED, SOON, Progress, Stage, quiet
 from sksurrogate.gap.decide._budget import budget_of, remainder_of
+from sksurrogate.gap.decide._calibration import with_stated
 from sksurrogate.gap.decide._choice_by_fold import names_by_fold
 from sksurrogate.gap.decide._equivalence import canonical_classes
 from sksurrogate.gap.decide._estimates import estimates, ranking
@@ -193,12 +194,13 @@ class DiagnosisPipeline(LawStage[C]):
 
     # ---- the report -------------------------------------------------------------------------------------------------
     def effects(self, verdict: str) -> list[EffectEstimate]:
-        """The named effects, by their share; where re-tuning alone closes the gap the parameters that moved."""
+        """The named effects, by their share, as probable as such names are; where re-tuning alone closes the gap the parameters that moved."""
         found = self.found
         out = estimates(self.search, self.final, found, self.access.among)
         if not out and verdict == "explained":
             share = found.shrink.fraction_power if found.shrink else float("nan")
             out = parameter_errors(self.retuned(), share, self.access.imitated_by_retuning())
+        out = with_stated(out, self.remainder(), self.search.tolerance)
         return sorted(out, key=lambda e: -e.share if np.isfinite(e.share) else 0.0)
 
     def where(self, verdict: str, effects: list[EffectEstimate]) -> Where:

@@ -58,7 +58,7 @@ def test_a_parameter_is_shown_before_and_after_with_its_unit():
     )
     for page in (terminal_page(made), html_page(made).replace("&gt;", ">")):
         assert "second: 60 -> 99.97 1/min [99.6, 100.2]" in page
-        assert "very likely (probability > 0.999)" in page
+        assert "very likely (probability 1.00)" in page
         assert "relative_error" not in page.split("Code to paste")[0]
 
 
@@ -68,7 +68,7 @@ def test_an_effect_that_is_not_certain_is_named_with_its_probability():
     said = headline(report(doubtful, verdict="unknown", reasons=reasons))
     assert said == (
         "No effect is certain. The likeliest is coulomb friction at speed (level: 0.4 rad/s^2), which closes 97.0 % of the gap on "
-        "held-out runs: more likely than not (probability 0.600)."
+        "held-out runs: more likely than not (probability 0.60)."
     )
     unsized = Reasons("uncertain_names", "", {"sized": False})
     said = headline(report(replace(FRICTION, probability=0.99), verdict="unknown", reasons=unsized))

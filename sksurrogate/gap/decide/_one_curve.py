@@ -13,7 +13,6 @@ from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.results._law import Law
 from sksurrogate.gap.search._base import BaseSearch
 from sksurrogate.gap.unnamed._law_evidence import place_and_signal
-from sksurrogate.gap.unnamed._law_left import LawLeft
 
 #: A law that corrects the form of a name is half normal before any data, with the tolerance as its scale: so many scales hold 95 %.
 LARGEST_CORRECTION = 2.0
@@ -53,26 +52,16 @@ def redundant_effect(final: Evidence[OdeCandidate]) -> int | None:
     return None
 
 
-def is_at(effect: BaseEffect, law: Law | LawLeft) -> bool:
-    """Whether an effect acts where a law does: a sensor and a balance may have one name.
-
-    >>> from sksurrogate.effects import CATALOGUE
-    >>> law = LawLeft("level", "state", "level")
-    >>> is_at(CATALOGUE["linear_loss"]("level", "level"), law), is_at(CATALOGUE["sensor_gain"]("level"), law)
-    (True, False)
-    """
-    return effect.location == law.location and (effect.kind == "output") == (law.kind == "output")
-
-
 def is_like(effect: BaseEffect, law: Law) -> bool:
-    """Whether an effect acts at the place of a law, driven by a signal of it.
+    """Whether an effect acts at the place of a law, driven by a signal of it. A sensor and a balance may have one name.
 
     >>> from sksurrogate.effects import CATALOGUE, LawEffect
     >>> law = Law("force", "input", ("force",), LawEffect("force"), {}, {})
     >>> [is_like(CATALOGUE[name](at), law) for name, at in (("input_saturation", "force"), ("sensor_gain", "force"))]
     [True, False]
     """
-    return is_at(effect, law) and not set(place_and_signal(effect)[1].split("*")).isdisjoint(law.variables)
+    at = effect.location == law.location and (effect.kind == "output") == (law.kind == "output")
+    return at and not set(place_and_signal(effect)[1].split("*")).isdisjoint(law.variables)
 
 
 def nearest_name(search: BaseSearch[C], law: Law) -> C | None:

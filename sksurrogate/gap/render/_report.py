@@ -21,7 +21,7 @@ class GapReport(ReportData):
     Attributes
     ----------
     verdict : {"none", "explained", "partial", "unknown"}
-        ``explained``: effects (or re-tuning) of probability 0.9, and the lawful rest is below the tolerance or within the noise.
+        ``explained``: effects of evidence 0.9 (or re-tuning), and the lawful rest is below the tolerance or within the noise.
         ``partial``: such effects, and a larger lawful rest. ``unknown``: no effect is certain.
     sentence : str
         The verdict in plain words, with what to do next.

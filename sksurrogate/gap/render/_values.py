@@ -8,12 +8,11 @@ from dataclasses import replace
 import numpy as np
 
 from sksurrogate.effects._onset import WINDOW
-from sksurrogate.gap.decide._posterior import CERTAIN_NAME, LEAST_ALONE
 from sksurrogate.gap.render._units import TIME, parameter_unit, with_unit
 from sksurrogate.gap.results._effect_estimate import EffectEstimate, circumstances
 
-#: Probability from which a word applies, the first that is reached.
-WORDS = ((0.99, "very likely"), (CERTAIN_NAME, "likely"), (LEAST_ALONE, "more likely than not"), (0.0, "uncertain"))
+#: Probability from which a word applies, the first that is reached: the words of the reports on climate change (IPCC).
+WORDS = ((0.9, "very likely"), (0.66, "likely"), (0.5, "more likely than not"), (0.0, "uncertain"))
 
 
 def number(value: float, digits: int = 4) -> str:
@@ -59,13 +58,13 @@ def interval_text(low: float, high: float) -> str:
 def confidence(probability: float) -> str:
     """A probability as a word and a number.
 
-    >>> confidence(0.9999), confidence(0.93), confidence(0.2), confidence(float("nan"))
-    ('very likely (probability > 0.999)', 'likely (probability 0.930)', 'uncertain (probability 0.200)', 'probability not known yet')
+    >>> confidence(0.96), confidence(0.7), confidence(0.2), confidence(float("nan"))
+    ('very likely (probability 0.96)', 'likely (probability 0.70)', 'uncertain (probability 0.20)', 'probability not known yet')
     """
     if np.isnan(probability):
         return "probability not known yet"
     word = next(text for least, text in WORDS if probability >= least)
-    return f"{word} (probability {'> 0.999' if probability > 0.999 else format(probability, '.3f')})"
+    return f"{word} (probability {probability:.2f})"
 
 
 def readable(name: str) -> str:

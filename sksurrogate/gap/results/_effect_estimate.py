@@ -26,7 +26,8 @@ class EffectEstimate:
     intervals : dict of (float, float)
         90 % intervals, same keys as ``params``; inf where unbounded.
     probability : float
-        Among the candidates fitted in its place, none, and the likeliest law without a name; half of that where the verdict is unknown.
+        That this effect, or one of ``equivalents``, acts in the plant, whatever else acts: evidence among the effects and laws that were
+        compared, calibrated by how often such names act, given the lawful rest beside them and their share.
     equivalents : list of (name, location, variable)
         Other effects that explain these data as well.
     why : str
