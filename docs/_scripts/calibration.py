@@ -2,9 +2,9 @@
 
     python docs/_scripts/calibration.py
 
-``docs/calibration_names.csv`` has one row a name of evidence 0.9 and more: where it is from (cases of the blind check, or plants with
-effects in nature's form, judged by a reader), its plant, the lawful rest over the tolerance, the share of the gap that it closes, and whether it,
-or one of its class, acts.
+``docs/calibration_names.csv`` has one row a name of evidence 0.9 and more: where it is from (cases of the blind check, plants with effects in
+nature's form, or recordings, the last two judged by a reader), its plant, the lawful rest over the tolerance, the share of the gap that it closes,
+and whether it, or one of its class, acts.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from sksurrogate.blind._probabilities import calibration_error
 
 NAMES = Path(__file__).parents[1] / "calibration_names.csv"
 TOLERANCE, SMALLEST_PART = 0.1, 1.0 / 3.0
-#: There are ten times as many names of the blind check, whose forms are those of the catalogue: one of nature's forms counts for so many.
+#: Most names are of the blind check, whose forms are those of the catalogue: one of nature's forms counts for so many.
 WEIGHT_OF_NATURE = 3.0
 FOLDS = 12
 
@@ -33,7 +33,7 @@ def read():
     smallness = np.minimum(TOLERANCE / np.sqrt(np.maximum(share, 1e-12)), 1.0 / SMALLEST_PART)
     acts = np.array([row["acts"] == "1" for row in rows])
     plants = np.array([row["plant"] for row in rows])
-    return np.column_stack([rest, smallness]), acts, plants, np.array([row["source"] == "nature" for row in rows])
+    return np.column_stack([rest, smallness]), acts, plants, np.array([row["source"] != "blind check" for row in rows])
 
 
 def fitted():
