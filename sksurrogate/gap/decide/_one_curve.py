@@ -5,6 +5,7 @@ from __future__ import annotations
 from itertools import combinations
 
 import numpy as np
+from scipy.special import ndtr
 
 from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.gap.decide._intervals import intervals, not_sized
@@ -13,6 +14,8 @@ from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.results._law import Law
 from sksurrogate.gap.search._base import BaseSearch
 from sksurrogate.gap.unnamed._law_evidence import place_and_signal
+from sksurrogate.gap.unnamed._law_left import LawLeft
+from sksurrogate.gap.unnamed._law_shapes import AND_ITS_PAST
 
 #: A law that corrects the form of a name is half normal before any data, with the tolerance as its scale: so many scales hold 95 %.
 LARGEST_CORRECTION = 2.0
@@ -52,16 +55,26 @@ def redundant_effect(final: Evidence[OdeCandidate]) -> int | None:
     return None
 
 
+def is_at(effect: BaseEffect, law: Law | LawLeft) -> bool:
+    """Whether an effect acts where a law does: a sensor and a balance may have one name.
+
+    >>> from sksurrogate.effects import CATALOGUE
+    >>> law = LawLeft("level", "state", "level")
+    >>> is_at(CATALOGUE["linear_loss"]("level", "level"), law), is_at(CATALOGUE["sensor_gain"]("level"), law)
+    (True, False)
+    """
+    return effect.location == law.location and (effect.kind == "output") == (law.kind == "output")
+
+
 def is_like(effect: BaseEffect, law: Law) -> bool:
-    """Whether an effect acts at the place of a law, driven by a signal of it. A sensor and a balance may have one name.
+    """Whether an effect acts at the place of a law, driven by a signal of it.
 
     >>> from sksurrogate.effects import CATALOGUE, LawEffect
     >>> law = Law("force", "input", ("force",), LawEffect("force"), {}, {})
     >>> [is_like(CATALOGUE[name](at), law) for name, at in (("input_saturation", "force"), ("sensor_gain", "force"))]
     [True, False]
     """
-    at = effect.location == law.location and (effect.kind == "output") == (law.kind == "output")
-    return at and not set(place_and_signal(effect)[1].split("*")).isdisjoint(law.variables)
+    return is_at(effect, law) and not set(place_and_signal(effect)[1].split("*")).isdisjoint(law.variables)
 
 
 def nearest_name(search: BaseSearch[C], law: Law) -> C | None:
@@ -72,3 +85,22 @@ def nearest_name(search: BaseSearch[C], law: Law) -> C | None:
     alone = [one for keys, one in search.fitted.items() if len(keys) == 1 and is_like(one.effects[0], law)]
     nearest = min(alone, key=lambda one: one.fit.cost, default=None)
     return nearest if nearest is not None and nearest.fit.cost < LARGEST_CORRECTION**2 * search.tolerated_cost else None
+
+
+def form_holds(effect: BaseEffect, law: LawLeft, tolerance: float) -> float:
+    """Probability that the law beside a name leaves the name its form.
+
+    A name and a law of its own place and signal are one curve. A small law corrects the form of the name, for no form is exact; a larger one is
+    a curve of another form, of which the name is a part at best. Laws elsewhere say nothing of the name, nor does any law of a force that
+    depends on no signal. A parameter may be off whatever the law of its element.
+
+    >>> from sksurrogate.effects import CATALOGUE
+    >>> leak, law = CATALOGUE["sqrt_leak"]("speed", "speed"), LawLeft("speed", "state", "speed", size=0.3, spread=0.01)
+    >>> form_holds(leak, law, 0.1) < 1e-9, form_holds(leak, LawLeft("speed", "state", "force", size=0.3), 0.1)
+    (True, 1.0)
+    """
+    without_form = effect.kind == "parameter" or (effect.kind == "state" and effect.variable is None)
+    own = is_at(effect, law) and place_and_signal(effect)[1] == law.variable.removesuffix(AND_ITS_PAST)
+    if without_form or not own:
+        return 1.0
+    return float(ndtr((LARGEST_CORRECTION * tolerance - law.size) / max(law.spread, 1e-300)))

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import expit, ndtr
+from scipy.special import expit
 
 from sksurrogate.gap.decide._contenders import (
     Contender,
@@ -19,7 +19,7 @@ from sksurrogate.gap.decide._contenders import (
     preferred,
 )
 from sksurrogate.gap.decide._needed import needed_only, taken
-from sksurrogate.gap.decide._one_curve import LARGEST_CORRECTION, redundant_effect
+from sksurrogate.gap.decide._one_curve import form_holds, redundant_effect
 from sksurrogate.gap.fit._closeness import SETTLED
 from sksurrogate.gap.fit._evidence import CERTAIN, Evidence
 from sksurrogate.gap.fit._ode import OdeCandidate
@@ -54,7 +54,7 @@ class Posterior:
 def weigh(search: OdeSearch, final: Evidence) -> Posterior:
     """The posterior of a set's effects against the set without each of them, and without all, a law in their place.
 
-    Names beside which a law stands that is too large for a correction have not the form of what is there.
+    A name whose own place and signal have a law beside it that is too large for a correction has not the form of what is there.
     """
     n = len(final.effects)
     whole = final.candidate
@@ -71,20 +71,11 @@ def weigh(search: OdeSearch, final: Evidence) -> Posterior:
         rests, seeds = [without(whole, i) for i in range(n)], [*seeds, own.name]
         laws = [judged_law(search, final, rest, along=True, seeds=seeds, instead=whole) for rest in rests]
         against = [-np.inf if law is None else contender(search, rest, law).net for rest, law in zip(rests, laws)]
-    hold = forms_hold(own.left, search.tolerance)
-    chances = (expit(net - np.logaddexp(one, empty)) * hold for one in against)
+    chances = (
+        expit(net - np.logaddexp(one, empty)) * form_holds(effect, own.left, search.tolerance)
+        for one, effect in zip(against, final.effects)
+    )
     return Posterior(tuple(map(float, chances)), own)
-
-
-def forms_hold(law: LawLeft, tolerance: float) -> float:
-    """Probability that the law beside a set of names leaves them their form.
-
-    A small law corrects the form of a name, for no form is exact. A larger one is of a cause of another form, which the names imitate in part.
-
-    >>> forms_hold(LawLeft("speed", "state", "speed", size=0.3, spread=0.01), 0.1) < 1e-9
-    True
-    """
-    return float(ndtr((LARGEST_CORRECTION * tolerance - law.size) / max(law.spread, 1e-300)))
 
 
 def let_stand(search: OdeSearch, final: Evidence) -> tuple[Evidence, Posterior]:

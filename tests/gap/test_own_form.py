@@ -1,4 +1,4 @@
-"""Names beside which a law stands that is too large for a correction have not the form of what is there."""
+"""A name whose own place and signal keep a law that is too large for a correction has not the form of what is there."""
 
 import re
 from types import SimpleNamespace
@@ -10,7 +10,7 @@ from sksurrogate.effects import CATALOGUE
 from sksurrogate.effects._model import PlantModel
 from sksurrogate.gap import GapDiagnoser
 from sksurrogate.gap.decide._contenders import judged_law
-from sksurrogate.gap.decide._posterior import forms_hold
+from sksurrogate.gap.decide._one_curve import form_holds
 from sksurrogate.gap.fit._build import build_problem
 from sksurrogate.gap.fit._evidence import estimate_noise
 from sksurrogate.gap.unnamed._law_evidence import LawQuestion, law_beside
@@ -41,12 +41,34 @@ def recorded(law):
     return U, Y + NOISE * rng.normal(size=Y.shape), groups
 
 
-def test_a_law_beyond_a_correction_speaks_against_the_names():
-    def chance(size, spread=0.01):
-        return forms_hold(LawLeft("room", "state", "power", size=size, spread=spread), 0.1)
+LEAK = CATALOGUE["sqrt_leak"]("room", "room")
 
-    assert chance(0.15) > 0.9 and chance(0.3) < 0.1
-    assert chance(0.2, 0.02) == pytest.approx(0.5)  # at two scales of the prior of corrections both are as likely
+
+@pytest.mark.parametrize(
+    ("law", "holds"),
+    [
+        (LawLeft("room", "state", "room", size=0.15, spread=0.01), True),
+        (LawLeft("room", "state", "room", size=0.3, spread=0.01), False),
+        (LawLeft("room", "state", "room and its past", size=0.3, spread=0.01), False),
+        (LawLeft("room", "state", "power", size=0.3, spread=0.01), True),
+        (LawLeft("heater", "state", "room", size=0.3, spread=0.01), True),
+        (LawLeft("room", "output", "room", size=0.3, spread=0.01), True),
+    ],
+)
+def test_a_law_of_the_own_place_and_signal_speaks_against_a_name_beyond_a_correction(law, holds):
+    assert (form_holds(LEAK, law, 0.1) > 0.9) == holds
+
+
+def test_a_force_that_depends_on_no_signal_and_a_parameter_have_no_form():
+    law, of_element = (
+        LawLeft(name, kind, name, size=0.3, spread=0.01) for name, kind in (("room", "state"), ("loss", "parameter"))
+    )
+    assert form_holds(CATALOGUE["step_disturbance"]("room"), law, 0.1) == 1.0
+    assert form_holds(CATALOGUE["parameter_error"]("loss"), of_element, 0.1) == 1.0
+
+
+def test_at_two_scales_of_the_prior_of_corrections_both_are_as_likely():
+    assert form_holds(LEAK, LawLeft("room", "state", "room", size=0.2, spread=0.02), 0.1) == pytest.approx(0.5)
 
 
 def test_a_loss_that_sets_in_is_a_law_and_no_stop_with_a_correction():
