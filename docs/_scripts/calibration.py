@@ -30,6 +30,7 @@ def read():
     with NAMES.open(newline="") as file:
         rows = list(csv.DictReader(file))
     rest, share = (np.array([float(row[key]) for row in rows]) for key in ("rest", "share"))
+    rest = np.minimum(rest, 1.0)
     smallness = np.minimum(TOLERANCE / np.sqrt(np.maximum(share, 1e-12)), 1.0 / SMALLEST_PART)
     acts = np.array([row["acts"] == "1" for row in rows])
     plants = np.array([row["plant"] for row in rows])

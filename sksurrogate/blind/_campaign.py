@@ -247,7 +247,7 @@ def run_case(
     try:
         drawn: Any = draw_robot_case(arm, entropy) if robot else draw(arm, entropy, plant=plant, runs=runs)
         case: Any = drawn if robot else as_recorded(drawn, record)
-    except SurrogateError as error:
+    except (SurrogateError, ArithmeticError, np.linalg.LinAlgError) as error:
         return {"arm": arm, "seed": entropy, "error": f"not drawn: {error}", "right": None}
     solver = solver or _SOLVERS.setdefault(diagnosis, Solver(diagnosis))
     solver.function, solver.limit = diagnosis, limit

@@ -63,6 +63,8 @@ def gap_beyond(
             return left
         best, values, X0, share = left, tried, X0_tried, 1.0
         J = (followed[1:] - followed[0]) / PUSH
+        if not np.isfinite(J).all():  # a neighbour diverges: no slopes, and no step
+            return best
         step = np.zeros_like(values)
         step[:moves], starts, rest = _step(r, J[:moves], J[moves:])
         if best - np.sqrt(rest / measured) < GAIN_THAT_ENDS * best:

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sksurrogate.blind import _gap
 from sksurrogate.blind._cases import draw
 from sksurrogate.blind._excite import inputs, operating_log
 from sksurrogate.blind._gap import INTEGRATOR_SUBSTEPS, gap_beyond
@@ -34,6 +35,21 @@ def test_other_parameters_are_a_gap_until_they_are_free(experiment):
     unit = 0.01 * outputs.reshape(-1, outputs.shape[-1]).std(axis=0)
     assert gap_beyond(plant, U, X0, outputs, unit) > 0.3
     assert gap_beyond(plant, U, X0, outputs, unit, retune=True) < 1e-2
+
+
+def test_a_neighbour_that_diverges_ends_the_search(experiment, monkeypatch):
+    plant, U, X0 = experiment
+    outputs = march(plant, U, X0 + 0.3, substeps=INTEGRATOR_SUBSTEPS).outputs
+    unit, pushed = np.ones(outputs.shape[-1]), _gap._pushed
+
+    def diverging(*given):
+        followed = pushed(*given)
+        followed[-1, :, -1] = np.inf
+        return followed
+
+    monkeypatch.setattr(_gap, "_pushed", diverging)
+    plain = march(plant, U, X0, substeps=INTEGRATOR_SUBSTEPS).outputs
+    assert gap_beyond(plant, U, X0, outputs, unit) == pytest.approx(np.sqrt(np.mean((outputs - plain) ** 2)))
 
 
 def test_an_output_that_is_not_measured_does_not_count(experiment):

@@ -108,7 +108,7 @@ RULES: tuple[Rule, ...] = (
         "grid_beside_names",
         lambda f: f.rounding > 0.0 and f.names > 0 and certain(f),
         "partial",
-        "The effects are certain. The readings also lie on a grid, and no named effect explains it.",
+        "The evidence is certain of the effects. The readings also lie on a grid, and no named effect explains it.",
     ),
     Rule("grid", lambda f: f.rounding > 0.0, "unknown", "The readings lie on a grid, and no effect explains it."),
     Rule(
@@ -149,7 +149,12 @@ RULES: tuple[Rule, ...] = (
         "So many effects leave more than the tolerance. They imitate one that is missing, and are withdrawn.",
         withdraws=True,
     ),
-    Rule("law_left", lambda f: f.names > 0, "partial", "The effects are certain, but more than the tolerance remains."),
+    Rule(
+        "law_left",
+        lambda f: f.names > 0,
+        "partial",
+        "The evidence is certain of the effects, but more than the tolerance remains.",
+    ),
     Rule(
         "most_left",
         lambda f: f.retuned,
