@@ -153,11 +153,14 @@ class ODESimulator(ParametricSimulator):
             raise SimulatorError(
                 f"U has shape {inputs.shape}, expected (n_runs, n_samples, {len(self._names('inputs'))})."
             )
-        start = np.broadcast_to(
-            self._check_x0(None) if X0 is None else np.asarray(unmasked(X0), dtype=float),
-            (len(inputs), len(self._names("states"))),
-        )
-        return self._run(inputs, start, t)
+        states = self._names("states")
+        start = self._check_x0(None) if X0 is None else np.asarray(unmasked(X0), dtype=float)
+        if start.shape not in ((len(states),), (1, len(states)), (len(inputs), len(states))):
+            raise SimulatorError(
+                f"X0 has shape {start.shape}, expected ({len(states)},), or ({len(inputs)}, {len(states)}): one row for each run, "
+                f"one column for each of states={list(states)}."
+            )
+        return self._run(inputs, np.broadcast_to(start, (len(inputs), len(states))), t)
 
     def simulate_states(self, U: Any, x0: Any = None, t: Any = None) -> tuple[np.ndarray, np.ndarray]:
         """States and their derivatives of one run, both (n_samples, n_states); the derivative with the input that acts from t_k on."""

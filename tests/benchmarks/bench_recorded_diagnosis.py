@@ -76,10 +76,9 @@ def diagnosed(name: str) -> dict[str, Any]:
 
 def right(row: dict[str, Any]) -> str:
     """Whether an answer agrees with what is accepted."""
-    names = [effect for effect in row["effects"] if effect["probability"] >= GIVEN]
     if row["verdict"] not in ("explained", "partial"):
         return "no name was due" if not row["accepted"] else "not named"
-    good = [effect["accepted"] for effect in names]
+    good = [effect["accepted"] for effect in row["effects"]]
     if not row["accepted"]:
         return "false name"
     return "yes" if good and all(good) else "yes, with others" if any(good) else "no"
@@ -90,7 +89,7 @@ def line(row: dict[str, Any]) -> str:
     names = "; ".join(
         f"{e['name']} at {e['location']}"
         + (f" in {e['variable']}" if e["variable"] else "")
-        + f" ({e['probability']:.3f})"
+        + f" ({e['probability']:.2f})"
         for e in row["effects"]
     )
     errors = " | ".join(
@@ -124,8 +123,11 @@ def main() -> None:
                 file.write(json.dumps(rows[name]) + "\n")
         print(line(rows[name]), flush=True)
     named = [row for row in rows.values() if row["accepted"]]
-    good = sum(right(row).startswith("yes") for row in named)
-    print(f"\n{good} of {len(named)} recordings with an accepted name are named by it with probability {GIVEN} or more")
+    good = [row for row in named if right(row).startswith("yes")]
+    sure = sum(any(e["accepted"] and e["probability"] >= GIVEN for e in row["effects"]) for row in good)
+    print(
+        f"\n{len(good)} of {len(named)} recordings with an accepted name are named by it, {sure} with a stated probability of {GIVEN} or more"
+    )
 
 
 if __name__ == "__main__":

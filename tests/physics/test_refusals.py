@@ -193,3 +193,12 @@ def test_a_diagnosis_by_trajectories_goes_on_where_a_candidate_is_refused():
     report = diagnoser.fit(np.concatenate(runs), y, groups=np.repeat([0, 1, 2], 80)).report_
     assert refused and [e.name for e in report.effects] == ["sensor_bias"]
     assert report.effects[0].params["value"] == pytest.approx(0.3, abs=0.01)
+
+
+@pytest.mark.parametrize("X0", [[1.0], np.zeros((3, 2)), np.zeros((2, 3)), 1.0])
+def test_initial_states_of_a_batch_have_one_row_for_each_run(X0):
+    spring = ODESimulator(
+        lambda t, x, u, p: (x[1], u[0] - x[0]), states=["q", "v"], inputs=["f"], outputs=["q"], params={}, dt=0.1
+    )
+    with pytest.raises(SimulatorError, match=r"X0 has shape .* expected \(2,\), or \(2, 2\)"):
+        spring.simulate_batch(np.zeros((2, 5, 1)), X0)
