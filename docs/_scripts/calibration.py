@@ -20,8 +20,6 @@ from sksurrogate.blind._probabilities import calibration_error
 
 NAMES = Path(__file__).parents[1] / "calibration_names.csv"
 TOLERANCE, SMALLEST_PART = 0.1, 1.0 / 3.0
-#: Most names are of the blind check, whose forms are those of the catalogue: one of nature's forms counts for so many.
-WEIGHT_OF_NATURE = 3.0
 FOLDS = 12
 
 
@@ -39,8 +37,8 @@ def read():
 
 def fitted():
     """Log odds beside no rest, and what each ratio takes from them."""
-    X, acts, _, nature = read()
-    model = LogisticRegression(C=100.0).fit(X, acts, sample_weight=np.where(nature, WEIGHT_OF_NATURE, 1.0))
+    X, acts, _, _ = read()
+    model = LogisticRegression(C=100.0).fit(X, acts)
     return float(model.intercept_[0]), *(-model.coef_[0]).tolist()
 
 
@@ -48,10 +46,10 @@ def main():
     """Print the log odds, and stated against true shares on plants that were left out of the fit."""
     X, acts, plants, nature = read()
     print("log odds {:.2f}, less {:.2f} a tolerance of rest, less {:.2f} a tolerance over the part".format(*fitted()))
-    stated = cross_val_predict(
-        LogisticRegression(C=100.0), X, acts, groups=plants, cv=GroupKFold(FOLDS), method="predict_proba",
-        params={"sample_weight": np.where(nature, WEIGHT_OF_NATURE, 1.0)},
-    )[:, 1]  # fmt: skip
+    folds = GroupKFold(FOLDS)
+    stated = cross_val_predict(LogisticRegression(C=100.0), X, acts, groups=plants, cv=folds, method="predict_proba")[
+        :, 1
+    ]
     for what, chosen in (("all", np.ones(len(acts), bool)), ("blind check", ~nature), ("nature's forms", nature)):
         before, after = (
             calibration_error(list(zip(values[chosen], acts[chosen]))) for values in (np.ones(len(acts)), stated)
