@@ -2,21 +2,28 @@
 
 from __future__ import annotations
 
-import warnings
 from typing import Any
 
 import numpy as np
 from sklearn.utils.validation import check_is_fitted
 
 from sksurrogate.exceptions import SurrogateError
+from sksurrogate.export._agreement import agree, dense, is_affine, probes
 from sksurrogate.export._dynamic import add_derivative_model, add_filter, add_state_model, runge_kutta, substeps_of
 from sksurrogate.export._features import FEATURE_MAPS, add_features, add_free_basis
 from sksurrogate.export._graph import Graph
+from sksurrogate.export._scalers import SCALERS, projection_of, scaling_of
 from sksurrogate.export._symbol import joined, symbols
 
 #: sklearn's activations -> the graph's.
-_ACTIVATIONS = {"tanh": "tanh", "logistic": "logistic", "sigmoid": "logistic", "relu": "relu", "identity": ""}
-
+_ACTIVATIONS = {
+    "tanh": "tanh",
+    "logistic": "logistic",
+    "sigmoid": "logistic",
+    "relu": "relu",
+    "exp": "exp",
+    "identity": "",
+}
 
 #: Substeps of a right-hand side a sample where nothing else is known.
 SUBSTEPS = 4
@@ -28,7 +35,7 @@ def to_graph(model: Any, n_sub: int | None = None) -> Graph:
     Parameters
     ----------
     model : fitted estimator or simulator
-        Linear models, ``MLPRegressor``, ``FNNRegressor``, ``StandardScaler``, ``MinMaxScaler``, ``PolynomialFeatures``,
+        Linear models, ``MLPRegressor``, ``FNNRegressor``, scalers (centred or not, with ``clip`` or not), ``PCA``, ``PolynomialFeatures``,
         the feature maps (splines, steps, waves, bumps), ``NonlinearBasisRegressor`` and pipelines of them: input "x", output "y".
         :class:`RecursivePredictor`, :class:`StateSpaceRegressor`, :class:`DerivativeRegressor`, :class:`LaggedLinearRegressor`,
         :class:`HybridRegressor` and simulators with a right-hand side or a step: inputs "x" (state) and "u", outputs "x_next" and "y".
@@ -81,89 +88,96 @@ def to_graph(model: Any, n_sub: int | None = None) -> Graph:
     return graph
 
 
-def add_estimator(graph: Graph, model: Any, x: int) -> int:
-    """The prediction (or transformation) of a fitted estimator at node x."""
+def add_estimator(graph: Graph, model: Any, x: int, transforms: bool = False) -> int:
+    """The prediction (or transformation) of a fitted estimator at node x; ``transforms``: others come behind it."""
     steps = getattr(model, "steps", None)
     if steps is not None:
-        for _, step in steps:
-            x = x if step is None or step == "passthrough" else add_estimator(graph, step, x)
+        parts = [step for _, step in steps if step is not None and step != "passthrough"]
+        for k, step in enumerate(parts):
+            x = add_estimator(graph, step, x, transforms or k < len(parts) - 1)
         return x
     kind = type(model).__name__
+    refuse_two_faces(model, transforms)
     if kind == "TransformedTargetRegressor":
         return _back(graph, model.transformer_, add_estimator(graph, model.regressor_, x))
-    if kind == "StandardScaler":
-        n = graph.nodes[x].size
-        mean = np.zeros(n) if model.mean_ is None else model.mean_
-        return graph.scaled(x, mean, np.ones(n) if model.scale_ is None else model.scale_)
-    if kind == "MinMaxScaler":
-        return graph.affine(x, np.diag(model.scale_), model.min_)
-    if kind in ("RobustScaler", "MaxAbsScaler"):
-        n = graph.nodes[x].size
-        centre, scale = getattr(model, "center_", None), model.scale_
-        return graph.scaled(x, np.zeros(n) if centre is None else centre, np.ones(n) if scale is None else scale)
-    if kind == "PCA":
-        size = np.sqrt(np.maximum(model.explained_variance_, np.finfo(float).tiny)) if model.whiten else 1.0
-        return graph.affine(graph.binary("sub", x, graph.constant(model.mean_)), model.components_.T / size)
-    if kind in ("PLSRegression", "PLSCanonical", "CCA"):
-        centred = graph.binary("sub", x, graph.constant(model._x_mean))
-        return graph.affine(centred, np.asarray(model.coef_, dtype=float).T, np.ravel(model.intercept_))
+    scaling, projection = scaling_of(model), projection_of(model)
+    if scaling is not None:
+        z = graph.scaled(x, scaling.center, scaling.scale)
+        return z if scaling.bounds is None else graph.clipped(z, *scaling.bounds)
+    if projection is not None:
+        return graph.affine(graph.binary("sub", x, graph.constant(model.mean_)), projection)
     if kind == "PolynomialFeatures":
         return _monomials(graph, x, model.powers_)
     if kind in FEATURE_MAPS:
         return add_features(graph, model, x)
     if kind == "NonlinearBasisRegressor":
         return add_free_basis(graph, model, x)
-    if getattr(model, "features_", None) is not None:
-        x = add_estimator(graph, model.features_, x)
+    if hasattr(model, "classes_"):
+        raise SurrogateError(
+            f"{kind} cannot be exported: it is a classifier, whose predict gives labels. Fit a regressor to "
+            "its predict_proba or decision_function, and export that."
+        )
+    return _by_coefficients(graph, model, x)
+
+
+def _by_coefficients(graph: Graph, model: Any, x: int) -> int:
+    """A model whose attributes look like those of a network or linear model, if it predicts what they say."""
+    kind, inner = type(model).__name__, getattr(model, "features_", None)
+    features = x if inner is None else add_estimator(graph, inner, x, transforms=True)
+    n = graph.nodes[features].size
     if hasattr(model, "coefs_") and hasattr(model, "intercepts_"):
-        return _network(graph, model, x)
-    if hasattr(model, "coef_") and hasattr(model, "intercept_") and hasattr(model, "predict"):
+        alone = Graph()
+        alone.outputs["y"] = _network(alone, model, alone.input("x", n))
+        rows = probes(graph.nodes[x].size)
+        made = (lambda rows: rows) if inner is None else (lambda rows: dense(inner.transform(rows)))
+        if agree(lambda rows: alone(x=made(rows))["y"], model.predict, rows):
+            return _network(graph, model, features)
+    elif hasattr(model, "coef_") and hasattr(model, "intercept_") and hasattr(model, "predict"):
         coef = np.atleast_2d(np.asarray(model.coef_, dtype=float))
-        if coef.shape[1] == graph.nodes[x].size and _is_affine(model, coef):
-            return graph.affine(x, coef.T, np.ravel(model.intercept_))
+        centred = getattr(model, "_x_mean", None) if kind in ("PLSRegression", "PLSCanonical", "CCA") else None
+        if coef.shape[1] == n and centred is not None:
+            features = graph.binary("sub", x, graph.constant(centred))
+            bias = np.ravel(model.intercept_)
+            if agree(lambda rows: (rows - centred) @ coef.T + bias, model.predict, probes(n)):
+                return graph.affine(features, coef.T, bias)
+        elif coef.shape[1] == n and is_affine(model):
+            return graph.affine(features, coef.T, np.ravel(model.intercept_))
     raise SurrogateError(
-        f"{kind} cannot be exported: its prediction is not a fixed formula. Linear models, PLS, "
+        f"{kind} cannot be exported: its prediction is not a fixed formula that is known here. Linear models, PLS, "
         "MLPRegressor, FNNRegressor, scalers, PCA, PolynomialFeatures, the feature maps of sksurrogate.features, NonlinearBasisRegressor and pipelines "
         "of them can; for CasADi or ONNX of other models see skl2onnx, or fit one of these to its predictions."
     )
 
 
-def _is_affine(model: Any, coef: np.ndarray) -> bool:
-    """Whether a model with coefficients predicts ``x W + b``: those with a link function or a centre of their own do not."""
-    if getattr(model, "features_", None) is not None:
-        return True
-    x = np.random.default_rng(0).normal(size=(5, coef.shape[1]))
-    expected = x @ coef.T + np.ravel(model.intercept_)
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            found = np.asarray(model.predict(x), dtype=float).reshape(expected.shape)
-    except (ValueError, TypeError):
-        return False
-    return bool(np.allclose(found, expected, rtol=1e-6, atol=1e-9 * (1.0 + np.max(np.abs(expected)))))
+def refuse_two_faces(model: Any, transforms: bool) -> None:
+    """Inside a pipeline a regressor that also transforms, such as ``PLSRegression``, is not its prediction."""
+    if transforms and hasattr(model, "predict"):
+        raise SurrogateError(
+            f"{type(model).__name__} before the last step of a pipeline has no formula here: its transform is not its "
+            "predict. Let it be the last step, or use PCA in its place."
+        )
 
 
 def _back(graph: Graph, transformer: Any, y: int) -> int:
-    """Inverse of a scaler of targets."""
-    kind = type(transformer).__name__
-    if kind == "MinMaxScaler":
-        return graph.affine(graph.binary("sub", y, graph.constant(transformer.min_)), np.diag(1.0 / transformer.scale_))
-    if kind != "StandardScaler":
+    """Inverse of a scaler of targets; none of them clips on the way back."""
+    scaling = scaling_of(transformer)
+    if scaling is None:
         raise SurrogateError(
-            f"a target transformed by {type(transformer).__name__} cannot be exported: use StandardScaler or MinMaxScaler."
+            f"a target transformed by {type(transformer).__name__} cannot be exported: use a scaler ({', '.join(SCALERS)})."
         )
-    n = graph.nodes[y].size
-    scale = np.ones(n) if transformer.scale_ is None else transformer.scale_
-    return graph.affine(y, np.diag(scale), 0.0 if transformer.mean_ is None else transformer.mean_)
+    return graph.affine(y, np.diag(scaling.scale), scaling.center)
 
 
 def _network(graph: Graph, model: Any, x: int) -> int:
     """Layers of a feedforward network."""
     n = len(model.coefs_)
-    names = list(getattr(model, "activations_", None) or [model.activation] * (n - 1) + ["identity"])
+    last = getattr(model, "out_activation_", "identity")
+    names = list(getattr(model, "activations_", None) or [model.activation] * (n - 1) + [last])
     for weight, bias, name in zip(model.coefs_, model.intercepts_, names):
         if name not in _ACTIVATIONS:
-            raise SurrogateError(f"activation={name!r} cannot be exported: tanh, logistic, relu and identity can.")
+            raise SurrogateError(
+                f"activation={name!r} of {type(model).__name__} cannot be exported: {', '.join(_ACTIVATIONS)} can."
+            )
         x = graph.affine(x, weight, bias)
         x = graph.unary(_ACTIVATIONS[name], x) if _ACTIVATIONS[name] else x
     return x

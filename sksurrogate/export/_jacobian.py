@@ -9,10 +9,8 @@ from scipy import sparse
 from sklearn.utils.validation import check_is_fitted
 
 from sksurrogate.exceptions import DataError, SurrogateError
-from sksurrogate.export._describe import to_graph
-
-#: Transformers whose slope is one number per column.
-_SCALERS = ("StandardScaler", "MinMaxScaler", "MaxAbsScaler", "RobustScaler")
+from sksurrogate.export._describe import refuse_two_faces, to_graph
+from sksurrogate.export._scalers import SCALERS, scaling_of
 
 
 def input_jacobian(model: Any, X: Any) -> np.ndarray:
@@ -30,7 +28,7 @@ def input_jacobian(model: Any, X: Any) -> np.ndarray:
     Returns
     -------
     ndarray (n_samples, n_features) or (n_samples, n_outputs, n_features)
-        The first where ``predict`` gives one axis. Units of y over units of X.
+        The first where ``predict`` gives one axis. Units of y over units of X. 0 by an input that a scaler clips.
 
     Raises
     ------
@@ -63,48 +61,45 @@ def input_jacobian(model: Any, X: Any) -> np.ndarray:
     return slopes[:, 0] if np.ndim(model.predict(X[:1])) == 1 else slopes
 
 
-def chained_slopes(model: Any, X: np.ndarray) -> np.ndarray:
-    """Slopes (n_samples, n_outputs, n_inputs) of an estimator's prediction, or of a transformer's columns."""
+def chained_slopes(model: Any, X: np.ndarray, transforms: bool = False) -> np.ndarray:
+    """Slopes (n_samples, n_outputs, n_inputs) of an estimator's prediction, or (``transforms``) of a transformer's columns."""
     best = getattr(model, "best_estimator_", None)
     if best is not None:
-        return chained_slopes(best, X)
+        return chained_slopes(best, X, transforms)
     if getattr(model, "steps", None) is not None:
-        return _pipeline(model, X)
-    kind = type(model).__name__
-    if kind == "TransformedTargetRegressor":
+        return _pipeline(model, X, transforms)
+    refuse_two_faces(model, transforms)
+    if type(model).__name__ == "TransformedTargetRegressor":
         return _scale_back(model.transformer_, chained_slopes(model.regressor_, X))
     if hasattr(model, "jacobian"):
         found = np.asarray(model.jacobian(X))
         return found[:, None] if found.ndim == 2 else found
-    if kind in _SCALERS:
-        return np.repeat(np.diag(_units(model.transform, X.shape[1]))[None], len(X), axis=0)
+    scaling = scaling_of(model)
+    if scaling is not None:
+        return scaling.slopes(X)[:, :, None] * np.eye(X.shape[1])
     slopes = to_graph(model).jacobian(x=X)["y", "x"]
     return np.broadcast_to(slopes, (len(X), *slopes.shape[1:]))
 
 
-def _pipeline(model: Any, X: np.ndarray) -> np.ndarray:
+def _pipeline(model: Any, X: np.ndarray, transforms: bool) -> np.ndarray:
     """The chain rule over the steps."""
     slopes = np.repeat(np.eye(X.shape[1])[None], len(X), axis=0)
     parts = [step for _, step in model.steps if step is not None and step != "passthrough"]
     for k, step in enumerate(parts):
-        slopes = chained_slopes(step, X) @ slopes
-        if k < len(parts) - 1:
+        last = k == len(parts) - 1
+        slopes = chained_slopes(step, X, transforms or not last) @ slopes
+        if not last:
             out = step.transform(X)
             X = out.toarray() if sparse.issparse(out) else np.asarray(out, dtype=float)
     return slopes
 
 
-def _units(transform: Any, n: int) -> np.ndarray:
-    """What a scaler makes of a step of one in every column."""
-    low, high = transform(np.zeros((1, n))), transform(np.ones((1, n)))
-    return (high - low)[0]
-
-
 def _scale_back(transformer: Any, slopes: np.ndarray) -> np.ndarray:
     """Slopes of the target from those of the scaled one."""
-    if type(transformer).__name__ not in _SCALERS:
+    scaling = scaling_of(transformer)
+    if scaling is None:
         raise SurrogateError(
             f"a target transformed by {type(transformer).__name__} has no known slopes: use a scaler "
-            f"({', '.join(_SCALERS)})."
+            f"({', '.join(SCALERS)})."
         )
-    return slopes * _units(transformer.inverse_transform, slopes.shape[1])[:, None]
+    return slopes * scaling.scale[:, None]

@@ -287,7 +287,7 @@ class BaseBlockedRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         if self.features_ is None:
             return np.broadcast_to(np.eye(m), (n, m, m))
         try:
-            return chained_slopes(self.features_, X)
+            return chained_slopes(self.features_, X, transforms=True)
         except (SurrogateError, AttributeError):
             pass  # a transformer whose slopes are not known: differences
         step = 1e-5 * np.where(self._high > self._low, self._high - self._low, 1.0)
