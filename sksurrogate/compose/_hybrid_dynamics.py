@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -17,6 +18,7 @@ from sksurrogate.compose._term import Basis, TermModel
 from sksurrogate.compose._term_evidence import COEFFICIENT_UNIT, TermFit, fit_term
 from sksurrogate.effects._structure import kinematic_states
 from sksurrogate.exceptions import DataError, SimulationDiverged, SimulatorError
+from sksurrogate.export._agreement import is_affine
 from sksurrogate.kernels.output_error import output_error
 from sksurrogate.physics._fit_model import FitModel
 from sksurrogate.physics._free_run import free_run
@@ -355,11 +357,24 @@ class DynamicsCorrection:
             steps = getattr(self.terms.basis.transformer, "steps", [])
             fitted.steps = [*steps, (names[-1], fitted.steps[-1][1])]
             last = fitted.steps[-1][1]
-        last.coef_, last.intercept_ = coef[:, 1:], coef[:, 0]
+        basis, slopes, constant = self.terms.basis, coef[:, 1:], coef[:, 0]
+        if basis.transformer is None:  # it scales the features, and a model alone does not
+            slopes = slopes / basis.scale
+            constant = constant - slopes @ basis.mean
+        last.coef_, last.intercept_ = slopes, constant
         return fitted
 
 
 def ends_linear(residual: Any) -> bool:
-    """Whether a regressor is a linear model, or a pipeline with one at its end."""
-    steps = getattr(residual, "steps", None) or [("model", residual)]
-    return hasattr(steps[-1][1], "fit_intercept")
+    """Whether a regressor is a linear model of what it is given, or a pipeline with one at its end; links do not count."""
+    model = (getattr(residual, "steps", None) or [("model", residual)])[-1][1]
+    if not hasattr(model, "fit_intercept") or getattr(model, "features", None) is not None:
+        return False
+    rows = np.random.default_rng(0).uniform(0.5, 1.5, (16, 2))
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            found = clone(model).fit(rows, 1.0 + rows[:, 0] ** 2)
+    except (ValueError, TypeError):  # what it asks for, its own fit will say
+        return True
+    return not hasattr(found, "coef_") or is_affine(found)
