@@ -15,9 +15,10 @@ from sklearn.utils.validation import check_is_fitted
 from sksurrogate._dynamic import FreeRunMixin, lengthened
 from sksurrogate.compose._lagged import fitted
 from sksurrogate.compose._long_runs import long_runs, watched
-from sksurrogate.compose._network import describe_network
+from sksurrogate.compose._network import agrees, describe_network
 from sksurrogate.compose._weak import WeakForm
 from sksurrogate.exceptions import DataError
+from sksurrogate.export._agreement import is_affine
 from sksurrogate.kernels.integrate import rk4
 from sksurrogate.linear import SparseRegressor
 from sksurrogate.linear._base import BaseBlockedRegressor
@@ -104,6 +105,7 @@ class DerivativeRegressor(FreeRunMixin, BaseEstimator):
     """
 
     _integrates = True
+    _is_network = False
     __metadata_request__fit = {"dydt": True}
 
     _parameter_constraints: dict = {
@@ -177,7 +179,7 @@ class DerivativeRegressor(FreeRunMixin, BaseEstimator):
                 raise DataError(
                     "dydt is not finite in some rows: leave these rows out, or leave dydt out for the weak form."
                 )
-            self.estimator_ = fitted(self.estimator, points, _narrow(target))
+            self._keep(fitted(self.estimator, points, _narrow(target)), points)
         self._choose_substeps(watched(runs, MOST_WATCHED))
         return self
 
@@ -280,15 +282,21 @@ class DerivativeRegressor(FreeRunMixin, BaseEstimator):
             # windows overlap: the evidence of terms must not take every row for a witness of its own
             weight = {"sample_weight": weak.weights} if isinstance(model, SparseRegressor) else {}
             model.fit(weak.mean(features), _narrow(weak.targets), **weight)
-            self.estimator_ = found
-            return
+            if not hasattr(model, "coef_") or is_affine(model):  # no link, through which no integral goes
+                self._keep(found, weak.points)
+                return
         target = weak.targets
         for _ in range(WEAK_FORM_ROUNDS):
-            self.estimator_ = fitted(self.estimator, weak.centres, _narrow(target))
+            self._keep(fitted(self.estimator, weak.centres, _narrow(target)), weak.centres)
             target = weak.targets + self._f(weak.centres) - weak.mean(self._f(weak.points))
 
+    def _keep(self, estimator: Any, points: np.ndarray) -> None:
+        """The fitted regressor, and whether it is the network that it looks like."""
+        self.estimator_, net = estimator, describe_network(estimator)
+        self._is_network = net is not None and agrees(net, estimator, points)
+
     def _f(self, points: np.ndarray) -> np.ndarray:
-        net = describe_network(self.estimator_)
+        net = describe_network(self.estimator_) if self._is_network else None
         values = self.estimator_.predict(points) if net is None else net(points)
         return np.asarray(values, dtype=float).reshape(len(points), -1)
 
@@ -336,7 +344,7 @@ class DerivativeRegressor(FreeRunMixin, BaseEstimator):
         order = 0 if self.hold == "zoh" else 1
         if self.method != "RK4":
             return [self._adaptive(U, t, start, order) for U, t, start in zip(inputs, times, first)]
-        net = describe_network(self.estimator_)
+        net = describe_network(self.estimator_) if self._is_network else None
         far = 1e7 * (self.y_spread_ + np.abs(self.y_mean_))[:, None]
 
         def slopes(t: Any, x: np.ndarray, u: np.ndarray) -> np.ndarray:

@@ -9,6 +9,8 @@ from sklearn.utils.parallel import _get_threadpool_controller
 
 from sksurrogate.compose._evidence_fit import STRONG, within
 from sksurrogate.compose._free_fit import Scaling, cut_pieces, displaced
+from sksurrogate.compose._network import agrees
+from sksurrogate.export._agreement import dense
 from sksurrogate.kernels.lag_basis import BasisLoss, LagBasis
 from sksurrogate.kernels.shooting import FreeRunLoss, levenberg_marquardt
 from sksurrogate.kernels.shooting_evidence import fit_by_evidence
@@ -30,22 +32,16 @@ class FeatureModel:
         if inner is not None:
             self.steps.append(inner)
         self.estimator, self.phi = estimator, phi
-        some = phi[:: max(len(phi) // 64, 1)]
         self.fits = self.steps != [] and hasattr(self.model, "coef_") and hasattr(self.model, "intercept_")
         if self.fits:
             coef = np.atleast_2d(np.asarray(self.model.coef_, dtype=float))
-            wanted = np.asarray(estimator.predict(some), dtype=float).reshape(len(some), -1)
-            made = self.features(some)
-            self.fits = coef.shape == (wanted.shape[1], made.shape[1]) and bool(
-                np.allclose(made @ coef.T + self.model.intercept_, wanted, rtol=1e-6, atol=1e-8 * np.ptp(wanted))
-            )
+            self.fits = agrees(lambda rows: self.features(rows) @ coef.T + self.model.intercept_, estimator, phi)
 
     def features(self, phi: np.ndarray) -> np.ndarray:
         """What the linear model sees, (n_rows, n_basis)."""
         for step in self.steps:
             phi = step.transform(phi)
-        phi = phi.toarray() if hasattr(phi, "toarray") else phi
-        return np.asarray(phi, dtype=float)
+        return dense(phi)
 
     def shoot(
         self,

@@ -15,6 +15,7 @@ from sklearn.preprocessing import PolynomialFeatures, StandardScaler
 from sksurrogate._domain import Domain
 from sksurrogate.compose._compiled import Deviation, compiled
 from sksurrogate.compose._left_out import Piece
+from sksurrogate.compose._network import agrees
 from sksurrogate.compose._plant_path import training_substeps
 from sksurrogate.compose._residual import FreeRunResidual
 from sksurrogate.compose._residual_fit import cut, features, levenberg_marquardt, roll, shooting
@@ -275,20 +276,20 @@ class OutputCorrection:
         self.fitted = clone(self.residual) if self.residual is not None else self._chosen(deviation, phi, wanted)
         self.fitted.fit(phi, wanted)
         if self.loss == "shooting" and self.residual is not None and self.form == "output":
-            self._shoot(known, deviation)
-        step = compiled(self.fitted)
+            self._shoot(known, deviation, phi)
+        step = compiled(self.fitted, phi)
         self.step = Deviation(step, self.n_outputs) if self.form == "series" else step
 
     def _n_inputs(self, known: list) -> int:
         return (known[0].shape[1] - self.n_outputs) // (self.n_lags + 1)
 
-    def _shoot(self, known: list, deviation: list) -> None:
+    def _shoot(self, known: list, deviation: list, phi: np.ndarray) -> None:
         """Go on from the one-step fit through the free run, for residuals whose slopes are known."""
         net = as_skip_net(self.fitted)
-        if net is None:
+        if net is None or not agrees(net, self.fitted, phi):
             raise DataError(
                 f'loss="shooting" needs slopes of the residual, and {type(self.fitted).__name__} gives none: use the default '
-                'residual, a linear model, an MLPRegressor with one tanh or logistic layer (also behind a StandardScaler), or loss="one_step".'
+                'residual, a linear model, an MLPRegressor with one tanh or logistic layer (also behind a scaler), or loss="one_step".'
             )
         model = getattr(self.fitted, "steps", [(0, self.fitted)])[-1][1]
         penalised = np.concatenate([np.ones(net.skip.size + net.hidden.size), np.zeros(net.hidden_bias.size), np.ones(net.out.size), np.zeros(net.bias.size)])  # fmt: skip

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from sksurrogate.export._agreement import agree, beyond
+from sksurrogate.export._scalers import affine_map, scaling_of
 from sksurrogate.kernels.net import Net
+from sksurrogate.kernels.rows import LagRows
 
 #: Activations that the kernels know.
 _KINDS_OF_LAYERS = ("identity", "tanh", "logistic", "relu")
@@ -25,17 +29,17 @@ class _Parts:
 
 
 def describe_network(estimator: Any) -> Net | None:
-    """The fitted regressor as a network on raw features, or None where it is something else.
+    """The network on raw features that a fitted regressor looks like, or None; :func:`agrees` says whether it is that.
 
     ``MLPRegressor``, ``FNNRegressor`` and models with ``coef_`` and ``intercept_``, also behind affine transformers of
-    features (scalers, ``PCA``) in a pipeline or of the target (``TransformedTargetRegressor`` with a ``StandardScaler``).
+    features (scalers, ``PCA``) in a pipeline or of the target (``TransformedTargetRegressor`` with a scaler).
     """
     parts = _take_apart(estimator)
     found = None if parts is None else _layers(parts.model)
     if parts is None or found is None:
         return None
     weights, biases, activations = found
-    if parts.matrix is not None and np.ndim(parts.matrix) == 2 and parts.matrix.shape[1] != len(weights[0]):
+    if parts.matrix is not None and parts.matrix.shape[-1] != len(weights[0]):
         return None
     biases[0] = biases[0] + np.broadcast_to(parts.offset, len(weights[0])) @ weights[0]
     if parts.matrix is not None:
@@ -49,6 +53,8 @@ def write_network(estimator: Any, net: Net) -> bool:
     """Put a network on scaled features into the regressor that :func:`describe_network` read; False where it cannot."""
     parts = _take_apart(estimator)
     if parts is None or (parts.matrix is not None and parts.matrix.ndim == 2):
+        return False
+    if not {"coef_", "coefs_"} & set(vars(parts.model)):  # they show those of a model inside, which predicts
         return False
     weights, biases = list(net.weights), list(net.biases)
     weights[0] = weights[0] / net.scale[:, None]
@@ -70,13 +76,10 @@ def write_network(estimator: Any, net: Net) -> bool:
     return True
 
 
-def agrees(net: Net, estimator: Any, phi: np.ndarray) -> bool:
-    """Whether the network is what the regressor predicts."""
-    if len(net.mean) != phi.shape[1]:
-        return False
-    wanted = np.asarray(estimator.predict(phi), dtype=float).reshape(len(phi), -1)
-    found = net(phi)
-    return found.shape == wanted.shape and bool(np.allclose(found, wanted, rtol=1e-5, atol=1e-7 * np.ptp(wanted)))
+def agrees(function: Callable[[np.ndarray], np.ndarray], estimator: Any, phi: np.ndarray | LagRows) -> bool:
+    """Whether a plain function is what the regressor predicts, at some of its training rows and far beyond them."""
+    some = np.asarray(phi[:: max(len(phi) // 16, 1)])
+    return agree(function, estimator.predict, [some, *beyond(some)])
 
 
 def _take_apart(estimator: Any) -> _Parts | None:
@@ -84,11 +87,10 @@ def _take_apart(estimator: Any) -> _Parts | None:
     y_scale: Any = 1.0
     y_mean: Any = 0.0
     if type(estimator).__name__ == "TransformedTargetRegressor":
-        scaler = estimator.transformer_
-        if type(scaler).__name__ != "StandardScaler":
+        scaling = scaling_of(estimator.transformer_)
+        if scaling is None:
             return None
-        y_scale = 1.0 if scaler.scale_ is None else scaler.scale_
-        y_mean = 0.0 if scaler.mean_ is None else scaler.mean_
+        y_scale, y_mean = scaling.scale, scaling.center
         estimator = estimator.regressor_
     steps = list(getattr(estimator, "steps", None) or [("model", estimator)])
     matrix: Any = None
@@ -96,7 +98,7 @@ def _take_apart(estimator: Any) -> _Parts | None:
     for _, step in steps[:-1]:
         if step is None or step == "passthrough":
             continue
-        affine = _affine(step)
+        affine = affine_map(step)
         if affine is None:
             return None
         # (phi M + o) A + c, where M and A are matrices or diagonals
@@ -112,25 +114,6 @@ def _product(M: np.ndarray, A: np.ndarray) -> np.ndarray:
     if M.ndim == 1:
         return M * A if A.ndim == 1 else M[:, None] * A
     return M * A if A.ndim == 1 else M @ A
-
-
-def _affine(step: Any) -> tuple[np.ndarray, np.ndarray | float] | None:
-    """A fitted scikit-learn transformer as ``x @ A + c`` (A a matrix, or the diagonal of one)."""
-    if not type(step).__module__.startswith("sklearn."):
-        return None
-    kind, n = type(step).__name__, getattr(step, "n_features_in_", 0)
-    if kind in ("StandardScaler", "RobustScaler"):
-        mean = step.mean_ if kind == "StandardScaler" else step.center_
-        scale = np.ones(n) if step.scale_ is None else np.asarray(step.scale_)
-        return 1.0 / scale, (0.0 if mean is None else -np.asarray(mean) / scale)
-    if kind == "MaxAbsScaler":
-        return 1.0 / step.scale_, 0.0
-    if kind == "MinMaxScaler" and not step.clip:
-        return np.asarray(step.scale_), np.asarray(step.min_)
-    if kind == "PCA":
-        A = step.components_.T / (np.sqrt(step.explained_variance_) if step.whiten else 1.0)
-        return A, -step.mean_ @ A
-    return None
 
 
 def _layers(model: Any) -> tuple[list[np.ndarray], list[np.ndarray], tuple[str, ...]] | None:

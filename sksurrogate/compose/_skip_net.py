@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from sksurrogate.export._scalers import scaling_of
+
 
 @dataclass(frozen=True, eq=False)
 class SkipNet:
@@ -95,10 +97,10 @@ _LINEAR_MODELS = ("LinearRegression", "Ridge", "RidgeCV", "Lasso", "LassoCV", "E
 
 
 def as_skip_net(estimator: Any) -> SkipNet | None:
-    """A fitted linear model or one-layer tanh or logistic network, also behind a StandardScaler; None for others."""
+    """A fitted linear model or one-layer tanh or logistic network, also behind a scaler that does not clip; None for others."""
     steps = [step for _, step in getattr(estimator, "steps", None) or [("model", estimator)]]
-    scalers, model = steps[:-1], steps[-1]
-    if len(scalers) > 1 or any(type(scaler).__name__ != "StandardScaler" for scaler in scalers):
+    scalings, model = [scaling_of(step) for step in steps[:-1]], steps[-1]
+    if len(scalings) > 1 or any(scaling is None or scaling.bounds is not None for scaling in scalings):
         return None
     kind = type(model).__name__
     if not type(model).__module__.startswith("sklearn."):
@@ -108,7 +110,7 @@ def as_skip_net(estimator: Any) -> SkipNet | None:
         m, o = skip.shape
         bias = np.broadcast_to(np.atleast_1d(model.intercept_), (o,)).astype(float)
         hidden, hidden_bias, out = np.zeros((m, 0)), np.zeros(0), np.zeros((0, o))
-    elif kind == "MLPRegressor" and len(model.coefs_) == 2 and model.activation in ("tanh", "logistic"):
+    elif kind == "MLPRegressor" and _one_layer(model):
         (hidden, out), (hidden_bias, bias) = model.coefs_, model.intercepts_
         if model.activation == "logistic":  # 1 / (1 + exp(-z)) = 1/2 + tanh(z / 2) / 2
             hidden, hidden_bias, bias, out = hidden / 2, hidden_bias / 2, bias + out.sum(axis=0) / 2, out / 2
@@ -116,10 +118,14 @@ def as_skip_net(estimator: Any) -> SkipNet | None:
     else:
         return None
     mean, scale = np.zeros(len(skip)), np.ones(len(skip))
-    if scalers:
-        mean = mean if scalers[0].mean_ is None else scalers[0].mean_
-        scale = scale if scalers[0].scale_ is None else scalers[0].scale_
+    for scaling in scalings:
+        mean, scale = scaling.center, scaling.scale  # type: ignore[union-attr]
     return SkipNet(mean, scale, skip, hidden, hidden_bias, out, bias)
+
+
+def _one_layer(model: Any) -> bool:
+    """Whether an ``MLPRegressor`` has one hidden layer of tanh or logistic units and a linear output."""
+    return len(model.coefs_) == 2 and model.activation in ("tanh", "logistic") and model.out_activation_ == "identity"
 
 
 def write_back(estimator: Any, net: SkipNet) -> None:
