@@ -22,7 +22,7 @@ from sksurrogate.export._agreement import is_affine
 from sksurrogate.kernels.integrate import rk4
 from sksurrogate.linear import SparseRegressor
 from sksurrogate.linear._base import BaseBlockedRegressor
-from sksurrogate.linear._equation import equation
+from sksurrogate.linear._equation import equation, named_terms
 from sksurrogate.physics._free_run import LONG_RUN, hold_inputs
 from sksurrogate.runs import Runs
 
@@ -247,22 +247,12 @@ class DerivativeRegressor(FreeRunMixin, BaseEstimator):
         Raises
         ------
         DataError
-            The regressor has no ``coef_``, or a transformer before it no ``get_feature_names_out``.
+            The regressor is not linear in features, a transformer before it has no ``get_feature_names_out``, or a scaler comes
+            before features that are not linear (behind them it is folded into the coefficients).
         """
         check_is_fitted(self, "estimator_")
         steps = [step for _, step in getattr(self.estimator_, "steps", None) or [("model", self.estimator_)]]
-        model, made = steps[-1], [*steps[:-1], getattr(steps[-1], "features_", None)]
-        if not hasattr(model, "coef_"):
-            raise DataError(f"{type(model).__name__} has no coef_: equations need a model that is linear in features.")
-        names = np.array([*self.output_names_, *self.input_names_], dtype=object)
-        for step in made:
-            if step is None or step == "passthrough":
-                continue
-            if not hasattr(step, "get_feature_names_out"):
-                raise DataError(f"{type(step).__name__} names no features: it needs get_feature_names_out.")
-            names = step.get_feature_names_out(names)
-        coef = np.atleast_2d(model.coef_)
-        constant = np.broadcast_to(np.atleast_1d(model.intercept_), (len(coef),))
+        coef, constant, names = named_terms(steps[-1], steps[:-1], [*self.output_names_, *self.input_names_])
         left = [f"d{name}/dt" for name in self.output_names_]
         return [equation(name, c, names, b, digits) for name, c, b in zip(left, coef, constant)]
 

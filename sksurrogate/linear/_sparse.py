@@ -14,7 +14,7 @@ from sksurrogate.exceptions import DataError
 from sksurrogate.kernels.gram import factor_normal, triangle
 from sksurrogate.kernels.subsets import eliminate, log_evidence, threshold_refit
 from sksurrogate.linear._base import BaseBlockedRegressor, Blocks
-from sksurrogate.linear._equation import equation
+from sksurrogate.linear._equation import equation, named_terms
 
 
 class SparseRegressor(BaseBlockedRegressor):
@@ -124,12 +124,15 @@ class SparseRegressor(BaseBlockedRegressor):
         Returns
         -------
         list of str
+
+        Raises
+        ------
+        DataError
+            A scaler comes before features that are not linear: their coefficients would not be those of the inputs. Behind the
+            features it is folded into the coefficients.
         """
         check_is_fitted(self, "coef_")
-        names = _check_feature_names_in(self, input_names)
-        if self.features_ is not None:
-            names = self.features_.get_feature_names_out(names)
-        coef, constant = np.atleast_2d(self.coef_), np.atleast_1d(self.intercept_)
+        coef, constant, names = named_terms(self, [], _check_feature_names_in(self, input_names))
         left = output_names or (["y"] if len(coef) == 1 else [f"y{k}" for k in range(len(coef))])
         if len(left) != len(coef):
             raise DataError(f"output_names={list(left)!r} has {len(left)} entries; the model has {len(coef)} outputs.")
