@@ -170,7 +170,7 @@ class HybridRegressor(RegressorMixin, BaseEstimator):
 
     @_fit_context(prefer_skip_nested_validation=False)
     def fit(self, X: Any, y: Any, groups: Any = None) -> HybridRegressor:
-        """Fit the correction.
+        """Fit the correction to these runs; those of earlier calls are forgotten.
 
         Parameters
         ----------
@@ -190,7 +190,7 @@ class HybridRegressor(RegressorMixin, BaseEstimator):
 
     @_fit_context(prefer_skip_nested_validation=False)
     def partial_fit(self, X: Any, y: Any, groups: Any = None) -> HybridRegressor:
-        """Go on with more runs: those of earlier calls are kept, and the correction starts from the last one.
+        """Go on with more runs: those of ``fit`` and of calls after it are kept, and the correction starts from the last one.
 
         Parameters
         ----------
@@ -208,9 +208,7 @@ class HybridRegressor(RegressorMixin, BaseEstimator):
         old_inputs, old_measured = getattr(self, "_seen", ([], []))
         inputs = [*old_inputs, *(run.X for run in runs)]
         measured = [*old_measured, *(run.y for run in runs)]
-        self._fit_runs(runs, inputs, measured, before)
-        self._seen = (inputs, measured)
-        return self
+        return self._fit_runs(runs, inputs, measured, before)
 
     def predict(
         self, X: Any, y0: Any = None, groups: Any = None, return_std: bool = False
@@ -354,6 +352,7 @@ class HybridRegressor(RegressorMixin, BaseEstimator):
         self.n_initial_ = self.correction_.n_lags
         self.free_run_rmse_ = float(np.sqrt(np.mean(self.correction_.rmse**2)))
         self.left_out_rmse_ = np.fmax(self.report_.rmse, self.correction_.rmse)
+        self._seen = (inputs, measured)  # partial_fit goes on from these runs
         return self
 
     def _calibrated(self, inputs: Sequence[np.ndarray], measured: Sequence[np.ndarray]) -> Any:

@@ -54,6 +54,32 @@ def test_more_runs_improve_the_hybrid_step_by_step():
     assert errors[2] < errors[1] < errors[0]
 
 
+@pytest.mark.parametrize("begin", ["fit", "partial_fit"])
+def test_further_runs_join_those_of_the_first_call(begin):
+    X, y, groups = make_reactor_runs(5, 60, noise=0.01, random_state=0)
+    first, further = groups < 3, groups >= 3
+    hybrid = HybridRegressor(linear_reactor(), form="static")  # it has no start: all runs, one answer
+    getattr(hybrid, begin)(X[first], y[first], groups=groups[first])
+    hybrid.partial_fit(X[further], y[further], groups=groups[further])
+    whole = HybridRegressor(linear_reactor(), form="static").fit(X, y, groups=groups)
+    np.testing.assert_array_equal(hybrid.predict(X, groups=groups), whole.predict(X, groups=groups))
+    np.testing.assert_array_equal(hybrid.region_.low, whole.region_.low)
+    assert hybrid.free_run_rmse_ == whole.free_run_rmse_
+
+
+def test_fit_forgets_the_runs_before_it():
+    X, y, groups = make_reactor_runs(6, 60, noise=0.01, random_state=0)
+    parts = [groups < 2, (groups >= 2) & (groups < 4), groups >= 4]
+    hybrid = HybridRegressor(linear_reactor(), form="static")
+    hybrid.partial_fit(X[parts[0]], y[parts[0]], groups=groups[parts[0]])
+    hybrid.fit(X[parts[1]], y[parts[1]], groups=groups[parts[1]])
+    hybrid.partial_fit(X[parts[2]], y[parts[2]], groups=groups[parts[2]])
+    known = groups >= 2
+    whole = HybridRegressor(linear_reactor(), form="static").fit(X[known], y[known], groups=groups[known])
+    np.testing.assert_array_equal(hybrid.predict(X, groups=groups), whole.predict(X, groups=groups))
+    np.testing.assert_array_equal(hybrid.region_.high, whole.region_.high)
+
+
 def test_warm_start_goes_on_from_the_last_fit():
     X, y, groups = make_reactor_runs(4, 100, random_state=0)
     cold = HybridRegressor(linear_reactor()).fit(X, y, groups=groups)
