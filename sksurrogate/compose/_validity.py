@@ -15,6 +15,8 @@ from sksurrogate.runs import resolve_runs
 
 #: Probes of the box, a power of two (Sobol).
 PROBES = 4096
+#: Width of a direction, over its largest number, that is rounding: a few units in the last place.
+ROUNDING = 8 * np.finfo(float).eps
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +34,7 @@ class CoverageReport:
     radius : float
         A point further than this from every row counts as not covered.
     share : float
-        Part of the box within ``radius`` of a row.
+        Part of the box within ``radius`` of a row; a direction in which the box has no width takes no part.
     holes : ndarray (n_holes, n_names)
         Centres of the largest empty balls, largest first, no ball within another.
     hole_radius : ndarray (n_holes,)
@@ -122,7 +124,8 @@ def coverage_report(
     run : None, column name, int or "index"
         Where X says which run a row belongs to.
     box : sequence of (low, high), optional
-        Ranges of the outputs, then of the inputs, in which the model shall be used; by default those of the data.
+        Ranges of the outputs, then of the inputs, in which the model shall be used; by default those of the data. A range
+        of no width (a constant column) is one place: distances from it are in the column's own unit.
     radius : float, default=0.05
         In units of the box' ranges.
     n_holes : int, default=5
@@ -162,7 +165,10 @@ def coverage_report(
     if not radius > 0:
         raise DataError(f"radius={radius!r} must be positive, in units of the box' ranges.")
     tree = cKDTree(_scaled(points, ranges))
-    probes = qmc.Sobol(len(names), seed=0).random(PROBES)
+    width = _widths(ranges)
+    probes = np.zeros((PROBES, len(names)))  # a direction without width has one place in the box
+    if width.any():
+        probes[:, width > 0] = qmc.Sobol(int(np.count_nonzero(width)), seed=0).random(PROBES)
     distance = tree.query(probes)[0]
     holes: list[int] = []
     for i in np.argsort(-distance):
@@ -170,7 +176,6 @@ def coverage_report(
             break
         if all(np.linalg.norm(probes[i] - probes[j]) >= distance[j] for j in holes):
             holes.append(int(i))
-    width = ranges[:, 1] - ranges[:, 0]
     centres = ranges[:, 0] + width * probes[holes]
     return CoverageReport(
         names, ranges, seen, float(radius), float(np.mean(distance <= radius)), centres, distance[holes], tree
@@ -182,6 +187,12 @@ def _points(X: Any, y: Any) -> np.ndarray:
     return np.concatenate([outputs.reshape(len(outputs), -1), inputs.reshape(len(inputs), -1)], axis=1)
 
 
-def _scaled(points: np.ndarray, box: np.ndarray) -> np.ndarray:
+def _widths(box: np.ndarray) -> np.ndarray:
+    """Width of every direction of the box, 0 where it is rounding, (n_names,)."""
     width = box[:, 1] - box[:, 0]
+    return np.where(width > ROUNDING * np.abs(box).max(axis=1), width, 0.0)
+
+
+def _scaled(points: np.ndarray, box: np.ndarray) -> np.ndarray:
+    width = _widths(box)
     return (points - box[:, 0]) / np.where(width > 0, width, 1.0)

@@ -55,3 +55,42 @@ def test_holes_stand_apart():
         apart = np.linalg.norm(report.holes[:i] - centre, axis=1)
         assert np.all(apart >= report.hole_radius[i] - 1e-12)
     assert np.all(np.diff(report.hole_radius) <= 0)
+
+
+def test_a_constant_column_takes_no_part():
+    X, y = square(40)
+    plain = coverage_report(X, y)
+    for constant in (3.0, 0.0, -1e6):
+        with_it = coverage_report(np.c_[X, np.full(len(X), constant)], y)
+        assert with_it.share == plain.share == 1.0
+        assert not len(with_it.holes)
+    hole = np.hypot(X[:, 0] - 0.7, y - 0.3) > 0.2
+    plain, with_it = (coverage_report(part[hole], y[hole]) for part in (X, np.c_[X, np.full(len(X), 3.0)]))
+    assert with_it.share == plain.share < 0.95
+    np.testing.assert_array_equal(with_it.holes[:, :2], plain.holes)
+    np.testing.assert_array_equal(with_it.holes[:, 2], 3.0)
+    np.testing.assert_array_equal(with_it.hole_radius, plain.hole_radius)
+
+
+def test_a_column_that_is_constant_to_rounding_takes_no_part_either():
+    X, y = square(40)
+    noisy = np.where(np.arange(len(X)) % 2, 0.3, 0.1 + 0.2)
+    assert np.ptp(noisy) > 0
+    assert coverage_report(np.c_[X, noisy], y).share == 1.0
+
+
+def test_a_report_agrees_with_itself_about_its_holes():
+    y = np.r_[np.linspace(0, 0.3, 50), np.linspace(0.8, 1, 50)]
+    report = coverage_report(np.full((100, 1), 3.0), y)  # one input, which does not move
+    assert report.share == pytest.approx(0.6, abs=1e-3)  # 0.3 and 0.2 of data, a radius at either side of the gap
+    np.testing.assert_allclose(report.holes[0], [0.55, 3.0], atol=1e-3)
+    assert not report.covers(report.holes[:, 1:], report.holes[:, 0]).any()
+    assert not report.covers([[5.0]], [0.1])[0]
+    assert coverage_report(np.full((5, 1), 3.0), np.ones(5)).share == 1.0
+
+
+def test_a_box_without_width_is_a_slice_of_the_data():
+    X, y = square(41)  # u in steps of 0.025
+    assert coverage_report(X, y, box=[(0, 1), (0.5, 0.5)], radius=0.02).share == 1.0
+    beside = X[:, 0] < 0.46
+    assert coverage_report(X[beside], y[beside], box=[(0, 1), (0.5, 0.5)], radius=0.02).share == 0.0
