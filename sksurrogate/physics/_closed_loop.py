@@ -11,6 +11,7 @@ from sklearn.base import clone
 from sklearn.utils.metaestimators import available_if
 
 from sksurrogate.exceptions import SimulatorError
+from sksurrogate.physics._contents import contents, same
 from sksurrogate.physics._control import ControlSimulator
 from sksurrogate.physics._events import EventMap
 from sksurrogate.physics._inner import InnerRunsMixin
@@ -245,11 +246,12 @@ class ClosedLoopSimulator(InnerRunsMixin, BaseSimulator):
         )
 
     def _layout(self) -> _Layout:
-        """Who is connected to whom; looked up again where plant or controller is another object."""
-        kept = self.__dict__.get("_kept")
-        if kept is None or kept[0] is not self.plant or kept[1] is not self.controller:
-            self._kept = kept = self.plant, self.controller, _connect(self.plant, self.controller, self.outputs)
-        return kept[2]
+        """Who is connected to whom; looked up again where plant or controller has changed."""
+        kept, now = self.__dict__.get("_kept"), contents(self.plant, self.controller, self.outputs)
+        if kept is None or not same(kept[0], now):
+            self.__dict__.pop("_maps", None)
+            self._kept = kept = now, _connect(self.plant, self.controller, self.outputs)
+        return kept[1]
 
 
 def _connect(plant_given: Any, controller_given: Any, outputs: Sequence[str] | None) -> _Layout:

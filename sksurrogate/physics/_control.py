@@ -9,6 +9,7 @@ import numpy as np
 from sklearn.utils.metaestimators import available_if
 
 from sksurrogate.exceptions import SimulatorError, require
+from sksurrogate.physics._contents import contents, same
 from sksurrogate.physics._control_points import ControlPoints
 from sksurrogate.physics._inner import InnerRunsMixin, held_over_samples
 from sksurrogate.physics._ode import ODESimulator
@@ -87,8 +88,8 @@ class ControlSimulator(InnerRunsMixin, ParametricSimulator):
         """The system with states; a transfer function is realised once."""
         if getattr(self.system, "nstates", None) is not None:
             return self.system
-        kept = self.__dict__.get("_kept")
-        if kept is None or kept[0] is not self.system:
+        kept, now = self.__dict__.get("_kept"), contents(self.system)
+        if kept is None or not same(kept[0], now):
             try:
                 realised = require("control", "control").ss(self.system)
             except Exception as error:  # more zeros than poles, several inputs without slycot, frequency responses
@@ -96,7 +97,7 @@ class ControlSimulator(InnerRunsMixin, ParametricSimulator):
                     f"system={type(self.system).__name__} cannot be realised in state space ({type(error).__name__}: {error}): make it with "
                     "control.ss or control.nlsys."
                 ) from error
-            self._kept = kept = (self.system, realised)
+            self._kept = kept = (now, realised)
         return kept[1]
 
     @property

@@ -10,6 +10,7 @@ import numpy as np
 from sksurrogate.exceptions import SimulatorError
 from sksurrogate.export._describe import to_graph
 from sksurrogate.export._graph import Graph
+from sksurrogate.physics._contents import contents, same
 from sksurrogate.physics._foreign import at_points
 from sksurrogate.physics._inner import InnerRunsMixin
 from sksurrogate.physics._simulator import BaseSimulator
@@ -35,7 +36,7 @@ class SurrogateSimulator(InnerRunsMixin, BaseSimulator):
     model : fitted estimator or Graph
         :class:`StateSpaceRegressor`, :class:`RecursivePredictor`, :class:`DerivativeRegressor`,
         :class:`LaggedLinearRegressor`, :class:`HybridRegressor`, or any model whose ``to_graph()`` has inputs "x" and "u" and
-        outputs "x_next" and "y". It stays as it is, in a clone too.
+        outputs "x_next" and "y". It is not copied, by a clone neither: once it is fitted anew, the simulator is the new model.
     inputs, outputs, states : list of str, optional
         Names; those of the columns it was fitted on where it knows them, else u0, y0, x0 and so on.
     dt : float, default=1.0
@@ -102,17 +103,17 @@ class SurrogateSimulator(InnerRunsMixin, BaseSimulator):
         return type(self)(kept.pop("model"), **kept)
 
     def _wiring(self) -> _Wiring:
-        """The model as a graph, written once."""
-        kept = self.__dict__.get("_kept")
-        if kept is None or kept[0] is not self.model or kept[1] != self.n_sub:
+        """The model as a graph, written again after the model was fitted anew."""
+        kept, now = self.__dict__.get("_kept"), contents(self.model, self.n_sub)
+        if kept is None or not same(kept[0], now):
             graph = self.model if isinstance(self.model, Graph) else to_graph(self.model, self.n_sub)
             if set(graph.inputs) != {"x", "u"} or not {"x_next", "y"} <= set(graph.outputs):
                 raise SimulatorError(
                     f"model={type(self.model).__name__} has no states, only inputs {list(graph.inputs)}: give a time-series model, or use "
                     "CallableSimulator, which asks its predict."
                 )
-            self._kept = kept = (self.model, self.n_sub, _wired(graph, getattr(self.model, "y_mean_", None)))
-        return kept[2]
+            self._kept = kept = (now, _wired(graph, getattr(self.model, "y_mean_", None)))
+        return kept[1]
 
     def to_graph(self, n_sub: int | None = None) -> Graph:
         """The graph of the model."""

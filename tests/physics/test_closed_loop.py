@@ -3,11 +3,13 @@
 import numpy as np
 import pytest
 from sklearn.base import clone
+from sklearn.linear_model import LinearRegression
 
+from sksurrogate.compose import RecursivePredictor
 from sksurrogate.effects import CATALOGUE, AugmentedSimulator
 from sksurrogate.exceptions import SimulatorError
 from sksurrogate.gap import GapDiagnoser
-from sksurrogate.physics import ClosedLoopSimulator, ODESimulator, StepSimulator
+from sksurrogate.physics import ClosedLoopSimulator, ODESimulator, StepSimulator, SurrogateSimulator
 from sksurrogate.testing import check_simulator
 
 DT = 0.1
@@ -181,3 +183,38 @@ def test_a_disturbance_of_the_loop_is_no_gap_of_the_plant():
     asked = ["coulomb_friction", "input_gain"]
     assert verdict(ClosedLoopSimulator(AXIS, CONTROLLER), references, speeds, asked) == "none"
     assert verdict(AXIS, commands, speeds, asked) in ("unknown", "partial")
+
+
+def test_a_loop_follows_changes_of_its_parts_in_place():
+    loop, U = ClosedLoopSimulator(clone(CART), clone(CONTINUOUS)), np.ones((20, 2)) * np.arange(20)[:, None]
+    changes = [
+        (loop.plant, {"x0": [0.0, 1.0]}),
+        (loop.controller, {"params": {"kp": 1.0, "ki": 0.5}}),
+        (loop.controller, {"params__kp": 2.0}),
+        (loop.plant, {"hold": "foh"}),
+        (loop.plant, {"dt": 0.05}),
+    ]
+    before = loop.simulate(U)
+    for part, change in changes:
+        part.set_params(**change)
+        after = loop.simulate(U)
+        fresh = ClosedLoopSimulator(clone(loop.plant), clone(loop.controller))
+        np.testing.assert_array_equal(after, fresh.simulate(U))
+        assert (loop.hold, loop.dt) == (fresh.hold, fresh.dt) and np.any(after != before)
+        before = after
+
+
+def test_a_loop_around_a_learned_plant_follows_its_refit():
+    rng = np.random.default_rng(0)
+    flow = rng.normal(size=(200, 1))
+    model = RecursivePredictor(LinearRegression(), 1, 1).fit(flow, TANK.simulate(flow)[:, 0])
+    learned = SurrogateSimulator(model, dt=DT, inputs=["flow"], outputs=["level"])
+    gain = StepSimulator(
+        lambda t, x, u, p, dt: x, output=lambda t, x, u, p: [2.0 * (u[0] - u[1])], states=[],
+        inputs=["set_point", "level"], outputs=["flow"], dt=DT,
+    )  # fmt: skip
+    used = ClosedLoopSimulator(learned, gain)
+    used.simulate(np.ones((20, 1)))
+    model.fit(flow, 3.0 + 2.0 * TANK.simulate(flow)[:, 0])
+    fresh = ClosedLoopSimulator(clone(learned), gain)
+    np.testing.assert_array_equal(used.simulate(np.ones((20, 1))), fresh.simulate(np.ones((20, 1))))

@@ -107,3 +107,36 @@ def test_effects_are_told_around_a_fitted_model(linear):
     report = diagnoser.fit(np.concatenate(V), measured, groups=np.repeat([0, 1, 2], 80)).report_
     assert [(e.name, e.location) for e in report.effects] == [("input_lag", "f")]
     assert report.effects[0].params["time_constant"] == pytest.approx(0.25, abs=0.02)
+
+
+def _lag_model():
+    return RecursivePredictor(LinearRegression(), 1, 2)
+
+
+@pytest.mark.parametrize("make", [lambda: StateSpaceRegressor(2), _lag_model, lambda: LaggedLinearRegressor(3)])
+def test_a_model_that_is_fitted_anew_is_the_new_model(make):
+    model = make().fit(X, y, groups=GROUPS)
+    used = SurrogateSimulator(model, dt=0.1)
+    before = used.simulate(U[0])
+    model.fit(X, 2 * y, groups=GROUPS)  # the same object, in other units
+    fresh = SurrogateSimulator(model, dt=0.1)
+    np.testing.assert_array_equal(used.simulate(U[0]), fresh.simulate(U[0]))
+    np.testing.assert_array_equal(used.described()["x0"], fresh.described()["x0"])
+    assert np.abs(used.simulate(U[0]) - before).max() > 0.1 * np.ptp(before)
+
+
+def test_a_step_is_that_of_the_last_fit_too():
+    model = _lag_model().fit(X, y, groups=GROUPS)
+    nominal, x = SurrogateSimulator(model, dt=0.1), np.array([0.3, 0.2, 0.1])
+    nominal.step(0.0, x, U[0][0], {}, 0.1)
+    model.fit(X, y + 1.0, groups=GROUPS)
+    expected = to_graph(model)(x=x, u=U[0][0])["x_next"]
+    np.testing.assert_array_equal(nominal.step(0.0, x, U[0][0], {}, 0.1), expected)
+
+
+def test_a_model_inside_a_model_may_change_as_well():
+    model = _lag_model().fit(X, y, groups=GROUPS)
+    nominal = SurrogateSimulator(model, dt=0.1)
+    nominal.simulate(U[0])
+    model.estimator_.coef_ = 0.5 * model.estimator_.coef_
+    np.testing.assert_array_equal(nominal.simulate(U[0]), SurrogateSimulator(model, dt=0.1).simulate(U[0]))
