@@ -8,11 +8,11 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from sklearn.base import clone
 
 from sksurrogate._domain import Domain
 from sksurrogate.compose._hybrid_output import Free, simulate_runs
 from sksurrogate.compose._left_out import Piece
+from sksurrogate.compose._linear_end import functions_of, has_intercept, put, with_coefficients
 from sksurrogate.compose._plant_path import plant_path, training_substeps
 from sksurrogate.compose._term import Basis, TermModel
 from sksurrogate.compose._term_evidence import COEFFICIENT_UNIT, TermFit, fit_term
@@ -32,8 +32,9 @@ LENGTHS = (1.4, 0.7, 2.8)
 class DynamicsCorrection:
     """``dx/dt = rhs(t, x, u, p) + g(x, u)`` ("dynamics") or ``rhs(t, x, u + g(u), p)`` ("input").
 
-    ``residual``: its transformers give the functions g is made of, its last step gets the coefficients. None: a linear
-        and a smooth part, whose length and sizes are those of the largest evidence.
+    ``residual``: its transformers give the functions g is made of, its last step gets the coefficients; a constant is among
+        them as far as ``fit_intercept`` says so. None: a linear and a smooth part, whose length and sizes are those of the
+        largest evidence.
     ``form`` {"dynamics", "input"}, ``loss`` {"one_step", "shooting"}.
     ``states``: states whose derivative is corrected ("dynamics"); by default all whose balance is not an identity.
     ``shrinkage``: precision of the prior around no correction, coefficients in units of the spread of the derivative
@@ -80,7 +81,8 @@ class DynamicsCorrection:
             self._learn_smooth(plant, model, guess, z)
         else:
             self._learn(plant, model, guess, self._basis(z), before)
-        self.fitted = self._filled()
+        self.coef = self._coefficients()
+        self.fitted = self._filled(z.T)
 
     def taught_on(
         self, inputs: Sequence[np.ndarray], measured: Sequence[np.ndarray], blocks: Sequence[tuple[int, int, int]]
@@ -137,7 +139,9 @@ class DynamicsCorrection:
 
     def _scale(self, factor: float) -> None:
         self.theta = self.theta * factor
-        self.fitted = self._filled()
+        self.coef = self._coefficients()
+        if self.residual is not None:
+            put(self.fitted, *self.terms.basis.plain(self.coef))
 
     def _prepare(self, inputs: list[np.ndarray], measured: list[np.ndarray]) -> tuple[Plant, FitModel, np.ndarray]:
         """The plant, its model over the record, and a trajectory (n_states, n_samples) to start from."""
@@ -263,8 +267,7 @@ class DynamicsCorrection:
         """Functions that the term is made of."""
         if self.residual is None:
             return Basis(z.T, self.length or LENGTHS[0])
-        many = len(getattr(self.residual, "steps", ())) > 1
-        return Basis(z.T, None, clone(self.residual)[:-1] if many else None)
+        return Basis(z.T, None, functions_of(self.residual), has_intercept(self.residual))
 
     def _size(self, plant: Plant, model: FitModel, guess: np.ndarray, targets: tuple[int, ...]) -> np.ndarray:
         """Unit of every term: the spread of the derivative (of the step, of the input) that it is added to."""
@@ -344,25 +347,17 @@ class DynamicsCorrection:
         error = float(np.mean(np.concatenate([f - y for f, y in zip(free.y, measured)]) ** 2))
         return error if np.isfinite(error) else np.inf
 
-    def _filled(self) -> Any:
-        """The user's pipeline with the fitted coefficients, or the basis."""
-        coef = self.terms.coefficients(self.theta[:, None])[:, :, 0] * self.terms.size[:, None]
-        self.coef = coef
+    def _filled(self, rows: np.ndarray) -> Any:
+        """The user's regressor with the coefficients, to be asked for rows like these; or the basis."""
+        basis = self.terms.basis
         if self.residual is None:
-            return self.terms.basis
-        fitted = clone(self.residual)
-        last = fitted
-        if hasattr(fitted, "steps"):
-            names = [name for name, _ in fitted.steps]
-            steps = getattr(self.terms.basis.transformer, "steps", [])
-            fitted.steps = [*steps, (names[-1], fitted.steps[-1][1])]
-            last = fitted.steps[-1][1]
-        basis, slopes, constant = self.terms.basis, coef[:, 1:], coef[:, 0]
-        if basis.transformer is None:  # it scales the features, and a model alone does not
-            slopes = slopes / basis.scale
-            constant = constant - slopes @ basis.mean
-        last.coef_, last.intercept_ = slopes, constant
-        return fitted
+            return basis
+        coef, offset = basis.plain(self.coef)
+        return with_coefficients(self.residual, basis.transformer, rows, coef, offset, self.form)
+
+    def _coefficients(self) -> np.ndarray:
+        """Of all functions, in units of what they are added to, (n_targets, n_basis)."""
+        return self.terms.coefficients(self.theta[:, None])[:, :, 0] * self.terms.size[:, None]
 
 
 def ends_linear(residual: Any) -> bool:

@@ -28,13 +28,16 @@ class Basis:
     ``length``: length of the kernels, in standard deviations of a feature times the root of their number. None: no
         smooth functions.
     ``transformer``: in place of all this.
+    ``constant``: whether 1 is among the functions; without it features are scaled only.
     """
 
-    def __init__(self, z: np.ndarray, length: float | None = None, transformer: Any = None):
+    def __init__(self, z: np.ndarray, length: float | None = None, transformer: Any = None, constant: bool = True):
         self.mean = z.mean(axis=0)
         spread = z.std(axis=0)
         self.scale = np.where(spread > 1e-9 * (np.abs(self.mean) + 1e-300), spread, np.inf)
         self.scale = np.where(np.isfinite(self.scale), self.scale, 1e12 * (1.0 + np.abs(self.mean)))
+        self.constant = constant
+        self.mean = self.mean if constant else np.zeros_like(self.mean)
         self.transformer = None if transformer is None else clone(transformer).fit(z)
         self.length = 1.0 if length is None else length * np.sqrt(z.shape[1])
         self.centres, self.mix = np.zeros((0, z.shape[1])), np.zeros((0, 0))
@@ -51,9 +54,9 @@ class Basis:
         return np.repeat([0, 1], [self.size - len(self.mix), len(self.mix)])
 
     def __call__(self, z: np.ndarray) -> np.ndarray:
-        """(n_features, *s) -> (n_basis, *s); the first function is 1."""
+        """(n_features, *s) -> (n_basis, *s); the first function is 1 where there is a constant."""
         shape = z.shape[1:]
-        one = np.ones((1, *shape))
+        one = np.ones((int(self.constant), *shape))
         if self.transformer is not None:
             rows = np.asarray(self.transformer.transform(z.reshape(len(z), -1).T), dtype=float)
             return np.concatenate([one, rows.T.reshape(-1, *shape)])
@@ -61,6 +64,17 @@ class Basis:
         scaled = (z - self.mean[wide]) / self.scale[wide]
         smooth = [np.tensordot(self.mix, self._kernels(scaled), 1)] if len(self.mix) else []
         return np.concatenate([one, scaled, *smooth])
+
+    def plain(self, coef: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Coefficients (n_targets, n_basis) without smooth functions, as those of what the transformer makes or of features.
+
+        The constant (n_targets,) comes second.
+        """
+        offset, slopes = (coef[:, 0], coef[:, 1:]) if self.constant else (np.zeros(len(coef)), coef)
+        if self.transformer is not None:
+            return slopes, offset
+        slopes = slopes / self.scale
+        return slopes, offset - slopes @ self.mean
 
     def _kernels(self, scaled: np.ndarray) -> np.ndarray:
         """(n_features, *s) -> (n_centres, *s)."""
