@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 from sklearn.utils.parallel import _get_threadpool_controller
 
-from sksurrogate.compose._evidence_fit import STRONG, within
+from sksurrogate.compose._evidence_fit import STRONG, Posterior, within
 from sksurrogate.compose._free_fit import Scaling, cut_pieces, displaced
+from sksurrogate.compose._linear_end import has_intercept
 from sksurrogate.compose._network import agrees
 from sksurrogate.export._agreement import dense
 from sksurrogate.kernels.lag_basis import BasisLoss, LagBasis
@@ -23,7 +24,10 @@ class FeatureModel:
     """A fitted regressor taken apart: features, then a linear model.
 
     ``phi`` (n_rows, n_features): rows that it was fitted to.
+    ``posterior``: what a fit by the evidence knows of its weights and of the noise.
     """
+
+    posterior: Posterior | None = None
 
     def __init__(self, estimator: Any, phi: np.ndarray):
         steps = list(getattr(estimator, "steps", None) or [("model", estimator)])
@@ -32,7 +36,9 @@ class FeatureModel:
         if inner is not None:
             self.steps.append(inner)
         self.estimator, self.phi = estimator, phi
-        self.fits = self.steps != [] and hasattr(self.model, "coef_") and hasattr(self.model, "intercept_")
+        self.intercept = has_intercept(self.model)
+        known = bool(self.steps) or not self.intercept  # a plain linear model with an intercept is a network
+        self.fits = known and hasattr(self.model, "coef_") and hasattr(self.model, "intercept_")
         if self.fits:
             coef = np.atleast_2d(np.asarray(self.model.coef_, dtype=float))
             self.fits = agrees(lambda rows: self.features(rows) @ coef.T + self.model.intercept_, estimator, phi)
@@ -59,7 +65,7 @@ class FeatureModel:
         scaling = Scaling(runs)
         mean, std = scaling.of_lags(len(output_lags), [j for j, _ in input_terms])
         made = self.features(self.phi)
-        middle, spread = made.mean(axis=0), made.std(axis=0)
+        middle, spread = made.mean(axis=0) * self.intercept, made.std(axis=0)
         spread = np.where(spread > 1e-9 * (1e-300 + np.abs(made).max(axis=0)), spread, 1.0)
         coef, offset = np.atleast_2d(self.model.coef_).T, np.broadcast_to(self.model.intercept_, len(scaling.y_std))
         model = LagBasis(
@@ -68,6 +74,7 @@ class FeatureModel:
             (offset + middle @ coef - scaling.y_mean) / scaling.y_std,
             tuple(output_lags),
             tuple(input_terms),
+            fixed_bias=not self.intercept,
         )
         longest = max(len(run) for run in runs) - n_first
         end = longest if horizon is None else min(horizon, longest)
@@ -85,8 +92,9 @@ class FeatureModel:
             if found is not None:
                 model, loss = found.model, found.loss
                 value = loss.value(model, found.y)
+                self.posterior = Posterior(scaling, found, n_first)
         coef = model.weights * scaling.y_std / spread[:, None]
-        offset = model.bias * scaling.y_std + scaling.y_mean - middle @ coef
+        offset = (model.bias * scaling.y_std + scaling.y_mean - middle @ coef) * self.intercept
         flat = np.ndim(self.model.coef_) == 1
         self.model.coef_ = coef[:, 0].copy() if flat else coef.T.copy()
         self.model.intercept_ = float(offset[0]) if np.ndim(self.model.intercept_) == 0 else offset

@@ -43,8 +43,9 @@ class HybridRegressor(RegressorMixin, BaseEstimator):
         polynomials, chosen on runs left out.
         For "dynamics" and "input": features are the states (measured or not) and inputs ("input": the inputs alone), the
         target is the term; transformers with a linear model are fitted through the free run, any other regressor to the
-        term that a smoother finds along the runs. Default: a linear and a smooth part; smoothness, size
-        and the noise of the outputs follow from the evidence.
+        term that a smoother finds along the runs. Of the linear model ``fit_intercept`` is kept, its own penalty gives way to
+        ``shrinkage``; ``positive=True``, ``constraints`` and models of few terms are refused. Default: a linear and a smooth
+        part; smoothness, size and the noise of the outputs follow from the evidence.
     form : {"output", "static", "series", "dynamics", "input", "auto"}, default="output"
         "output": past deviations are features, as in the paper. "static": only inputs (with their lags) and the
         simulator's output are. "series": as "static", but ``residual`` learns y itself in place of the deviation.
@@ -62,7 +63,7 @@ class HybridRegressor(RegressorMixin, BaseEstimator):
         With "dynamics": the states whose derivative is corrected; by default all whose balance is not an identity such
         as ``dq/dt = v``.
     shrinkage : float, default=1e-2
-        Penalty of the default residual: how much evidence a correction needs.
+        Penalty of the default residual, and of a linear model inside the plant: how much evidence a correction needs.
     fade : float or "evidence", default="evidence"
         Share of the range of a feature in the training data by which it may leave it before the correction fades and
         the physics is left alone; ``inf``: never. "evidence": as far as two left-out runs (blocks) have gone beyond
@@ -78,6 +79,8 @@ class HybridRegressor(RegressorMixin, BaseEstimator):
     ----------
     simulator_ : simulator or None
     residual_ : fitted regressor
+        With "dynamics" and "input" it predicts the term within the data, in units of what it is added to; that of the
+        default gives the term's functions when it is called.
     form_ : str
         The form, chosen with "auto".
     n_initial_ : int

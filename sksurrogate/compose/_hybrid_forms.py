@@ -12,6 +12,7 @@ from sksurrogate.compose._correction_report import CorrectionReport, keep_suppor
 from sksurrogate.compose._hybrid_dynamics import DynamicsCorrection, ends_linear
 from sksurrogate.compose._hybrid_force import ForceCorrection
 from sksurrogate.compose._hybrid_output import OutputCorrection
+from sksurrogate.compose._linear_end import refuse_demands
 from sksurrogate.compose._residual import FreeRunResidual
 from sksurrogate.exceptions import DataError, SurrogateError
 from sksurrogate.physics._simulator import Plant, describe
@@ -32,7 +33,7 @@ class CorrectionSettings:
     def correction(self, simulator: Any, form: str) -> OutputCorrection | DynamicsCorrection:
         """The unfitted correction of a form.
 
-        Raises DataError where the residual is not an estimator.
+        Raises DataError where the residual is not an estimator, or demands what the fit cannot keep.
         """
         residual, fade = self.residual, reach(self.fade)
         inside = form in ("dynamics", "input")
@@ -42,6 +43,10 @@ class CorrectionSettings:
             raise DataError(
                 f"residual={residual!r} is not an estimator: it has no method fit. Give a regressor, or a pipeline that ends in one."
             )
+        if inside and ends_linear(residual):
+            refuse_demands(residual, f'form="{form}"', 'form="static" or "output"')
+        elif form == "output" and loss == "shooting" and residual is not None:
+            refuse_demands(residual, 'loss="shooting"', 'loss="one_step"')
         if not inside:
             return OutputCorrection(
                 simulator, residual, form, loss, self.n_lags, fade, self.shrinkage, self.random_state

@@ -15,10 +15,11 @@ from sklearn.preprocessing import PolynomialFeatures, StandardScaler
 from sksurrogate._domain import Domain
 from sksurrogate.compose._compiled import Deviation, compiled
 from sksurrogate.compose._left_out import Piece
+from sksurrogate.compose._linear_end import has_intercept
 from sksurrogate.compose._network import agrees
 from sksurrogate.compose._plant_path import training_substeps
 from sksurrogate.compose._residual import FreeRunResidual
-from sksurrogate.compose._residual_fit import cut, features, levenberg_marquardt, roll, shooting
+from sksurrogate.compose._residual_fit import cut, features, levenberg_marquardt, roll, shooting, without_bias
 from sksurrogate.compose._skip_net import SkipNet, as_skip_net, write_back
 from sksurrogate.compose._starts import Starts, fitted_starts, plain_starts
 from sksurrogate.exceptions import DataError
@@ -299,7 +300,8 @@ class OutputCorrection:
         if net.hidden.size:
             penalty[: net.skip.size] = 1e12  # the net has no linear part: it stays at zero
         prior = np.where(penalty > 1e11, frozen, 0.0)
-        net, _ = levenberg_marquardt(net, shooting(free), penalty, prior, 60, 1e-6)
+        errors = shooting(free) if has_intercept(self.fitted) else without_bias(shooting(free), self.n_outputs)
+        net, _ = levenberg_marquardt(net, errors, penalty, prior, 60, 1e-6)
         write_back(self.fitted, net)
         self.net = net
 

@@ -54,7 +54,8 @@ class RecursivePredictor(ShootingMixin, FreeRunMixin, BaseEstimator):
     loss : {"one_step", "shooting"}, default="one_step"
         Prediction error, or the error of the free run (simulation error) by Levenberg-Marquardt with exact sensitivities,
         for a network after Adam. Shooting needs a network, of which only the shape is used, or a linear model, also behind
-        features in a pipeline (see Notes).
+        features in a pipeline (see Notes). Of a linear model ``fit_intercept`` is kept, its own penalty gives way to ``alpha``,
+        and what cannot be kept (``positive=True``, ``constraints``, few terms of many) is refused.
     horizon : int, optional
         Steps of a free run in the shooting loss before it starts again from measured outputs; None: whole runs.
     init : {"mean", "steady"} or array (n_initial, n_outputs), default="mean"

@@ -114,6 +114,18 @@ def shooting(pieces: Pieces) -> Residual:
     return errors
 
 
+def without_bias(errors: Residual, n_outputs: int) -> Residual:
+    """The same errors for maps whose last ``n_outputs`` parameters, the bias, stay where they are."""
+
+    def held(net: Any, slopes: bool) -> tuple[np.ndarray, Any]:
+        error, J = errors(net, slopes)
+        if slopes:
+            J[:, -n_outputs:] = 0.0
+        return error, J
+
+    return held
+
+
 def one_step(pieces: Pieces) -> Residual:
     """Errors of one step from measured rows and, where asked for, their slopes."""
     n = pieces.n_lags

@@ -12,6 +12,7 @@ from sklearn.utils import check_random_state
 from sksurrogate.compose._evidence_fit import Posterior
 from sksurrogate.compose._feature_fit import FeatureModel
 from sksurrogate.compose._lagged import barely_fitted, fitted
+from sksurrogate.compose._linear_end import has_intercept, last_model, refuse_demands
 from sksurrogate.compose._network import write_network
 from sksurrogate.compose._penalty import shoot_with
 from sksurrogate.exceptions import DataError
@@ -40,26 +41,38 @@ class ShootingMixin:
 
     def _shoot(self, runs: Runs, Phi: np.ndarray, target: np.ndarray) -> None:
         """Fit on free runs."""
+        refuse_demands(self.estimator, 'loss="shooting"', 'loss="one_step"')
         self.estimator_ = barely_fitted(clone(self.estimator), Phi, target)
         model: LagNet | None = self._lag_net()  # type: ignore[attr-defined]
         compiles = model is not None and self._compiles(Phi)  # type: ignore[attr-defined]
-        if model is None or not compiles or not write_network(self.estimator_, model.net):
-            self._shoot_features(runs, Phi, target)
+        fixed = not has_intercept(self.estimator)
+        if model is None or not compiles or fixed or not write_network(self.estimator_, model.net):
+            self._shoot_features(runs, Phi, target, linear=compiles and fixed)
             return
         settings = {"n_first": self.n_initial_, "horizon": self.horizon, "stability": self.stability}
         settings |= {"n_starts": self.n_starts, "random_state": check_random_state(self.random_state)}
         found, self.shooting_loss_, self.alpha_, self._posterior = shoot_with(self.alpha, model, list(runs), **settings)
-        if self._posterior is not None:
-            self.noise_ = np.sqrt(self._posterior.fit.evidence.noise) * self._posterior.scaling.y_std
+        self._keep_noise()
         write_network(self.estimator_, found.net)
 
-    def _shoot_features(self, runs: Runs, Phi: np.ndarray, target: np.ndarray) -> None:
-        """Fit on free runs where features lead into a linear model."""
+    def _keep_noise(self) -> None:
+        """Standard deviation of the residual, where it is known."""
+        if self._posterior is not None:
+            self.noise_ = np.sqrt(self._posterior.fit.evidence.noise) * self._posterior.scaling.y_std
+
+    def _shoot_features(self, runs: Runs, Phi: np.ndarray, target: np.ndarray, linear: bool) -> None:
+        """Fit on free runs where features lead into a linear model; ``linear``: a linear model without an intercept."""
         self.estimator_ = fitted(self.estimator, Phi, target)
         model = FeatureModel(self.estimator_, Phi)
         if self.alpha == "auto":
             raise DataError(
-                'alpha="auto" is for networks and linear models; behind features give a number, or "evidence".'
+                'alpha="auto" is for networks and linear models with an intercept; behind features, or with fit_intercept=False, '
+                'give a number, or "evidence".'
+            )
+        if linear and not model.fits:
+            raise DataError(
+                f'loss="shooting" cannot keep {type(last_model(self.estimator)).__name__}(fit_intercept=False) behind a scaled '
+                'target: leave the scaling of the target out, or use loss="one_step".'
             )
         if not model.fits:
             raise DataError(
@@ -73,9 +86,12 @@ class ShootingMixin:
             self.input_terms_,
             n_first=self.n_initial_,
             horizon=self.horizon,
-            alpha=0.1 if self.alpha is None else self.alpha,
+            alpha=(0.0 if linear else 0.1) if self.alpha is None else self.alpha,
             stability=self.stability,
         )
+        if linear:
+            self._posterior = model.posterior
+            self._keep_noise()
 
     def _deviation(self, inputs: Sequence[np.ndarray], free: Sequence[np.ndarray]) -> list[np.ndarray]:
         """Standard deviation of new measurements along free runs, (n_steps, n_outputs) each."""

@@ -31,11 +31,12 @@ class LagBasis:
     bias: np.ndarray  #: (n_outputs,)
     output_lags: tuple[int, ...]
     input_terms: tuple[tuple[int, int], ...]  #: tuple of (int, int): column and lag of every input feature
+    fixed_bias: bool = False  #: Whether the bias is given, not learned
 
     @cached_property
     def theta(self) -> np.ndarray:
-        """Weights, then biases, flat."""
-        return np.concatenate([self.weights.ravel(), self.bias])
+        """Weights, then biases that are learned, flat."""
+        return self.weights.ravel() if self.fixed_bias else np.concatenate([self.weights.ravel(), self.bias])
 
     @property
     def n_weights(self) -> int:
@@ -50,7 +51,8 @@ class LagBasis:
     def at(self, theta: np.ndarray) -> LagBasis:
         """The same model with other weights."""
         n = self.weights.size
-        return replace(self, weights=theta[:n].reshape(self.weights.shape), bias=theta[n:])
+        bias = self.bias if self.fixed_bias else theta[n:]
+        return replace(self, weights=theta[:n].reshape(self.weights.shape), bias=bias)
 
     def __call__(self, phi: np.ndarray) -> np.ndarray:
         """(n_rows, n_features) -> (n_rows, n_outputs)."""
@@ -113,9 +115,9 @@ class BasisLoss(FreeRunLoss):
         phi = model.rows(self.U, y, self.n_first)
         o, n = model.n_outputs, len(phi)
         basis = np.concatenate([model.basis(phi[k : k + FEATURE_ROWS]) for k in range(0, n, FEATURE_ROWS)])
-        right = np.zeros((basis.shape[1] + 1, o, n, o))
+        right = np.zeros((basis.shape[1] + (not model.fixed_bias), o, n, o))
         for j in range(o):
-            right[:-1, j, :, j] = basis.T
-            right[-1, j, :, j] = 1.0
+            right[: basis.shape[1], j, :, j] = basis.T
+            right[basis.shape[1] :, j, :, j] = 1.0
         found, _ = solve_band(model.band(phi, len(y)), right.reshape(-1, n * o).T)
         return found.reshape(len(y), n // len(y), o, -1)
