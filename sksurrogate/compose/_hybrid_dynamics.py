@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from sklearn.base import clone
 
 from sksurrogate._domain import Domain
 from sksurrogate.compose._hybrid_output import Free, simulate_runs
@@ -363,8 +364,10 @@ class DynamicsCorrection:
 def ends_linear(residual: Any) -> bool:
     """Whether a regressor is a linear model of what it is given, or a pipeline with one at its end; links do not count."""
     model = (getattr(residual, "steps", None) or [("model", residual)])[-1][1]
-    if not hasattr(model, "fit_intercept") or getattr(model, "features", None) is not None:
+    if not hasattr(model, "fit_intercept"):
         return False
+    if getattr(model, "features", None) is not None:  # its coefficients are those of what its features make
+        return True
     rows = np.random.default_rng(0).uniform(0.5, 1.5, (16, 2))
     try:
         with warnings.catch_warnings():

@@ -16,7 +16,7 @@ from sklearn.preprocessing import MaxAbsScaler, MinMaxScaler, PolynomialFeatures
 
 from sksurrogate.compose import DerivativeRegressor, HybridRegressor, RecursivePredictor
 from sksurrogate.exceptions import DataError, SimulationDiverged
-from sksurrogate.linear import NonlinearBasisRegressor, PenalizedRegressor, SparseRegressor
+from sksurrogate.linear import NonlinearBasisRegressor, PenalizedRegressor
 from sksurrogate.model_selection import Remembered
 from sksurrogate.neural import FNNRegressor
 from sksurrogate.physics import CallableSimulator, ODESimulator
@@ -186,7 +186,7 @@ def test_a_term_inside_a_plant_is_a_linear_model_only_where_it_predicts_linearly
         Ridge(1e-6),
         make_pipeline(S(with_mean=False), PolynomialFeatures(2, include_bias=False), Ridge(1e-6)),
         make_pipeline(MinMaxScaler(clip=True), Ridge(1e-6)),
-        SparseRegressor(features=PolynomialFeatures(2)),
+        PenalizedRegressor(features=PolynomialFeatures(2)),
         make_pipeline(S(), TweedieRegressor(power=0, link="log", alpha=0.01)),
     ):
         with warnings.catch_warnings():
