@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from sksurrogate.blind import BlindResult
+from sksurrogate.blind._criteria import probabilities
 from sksurrogate.blind._pictures import missing_terms, overview, recorded_terms, reliability
 from sksurrogate.blind._retune import with_retuning
 from sksurrogate.blind._table import table
@@ -158,7 +159,9 @@ def parts(result: BlindResult) -> dict[str, str]:
     return {
         "promises": promised(fresh),
         "reliability": picture(
-            reliability(fresh), "blind_reliability", "Stated probability against the share of names that act"
+            reliability(probabilities(fresh)),
+            "blind_reliability",
+            "Stated probability against the share of names that act",
         ),
         "promises missed": missed(fresh),
         "count": count(result),

@@ -16,6 +16,7 @@ import numpy as np
 from sklearn.linear_model import LogisticRegression
 from sklearn.model_selection import GroupKFold, cross_val_predict
 
+from sksurrogate.blind._pictures import reliability
 from sksurrogate.blind._probabilities import calibration_error
 
 NAMES = Path(__file__).parents[1] / "calibration_names.csv"
@@ -43,7 +44,7 @@ def fitted():
 
 
 def main():
-    """Print the log odds, and stated against true shares on plants that were left out of the fit."""
+    """Print the log odds, and stated against true shares on plants that were left out of the fit; draw these."""
     X, acts, plants, nature = read()
     print("log odds {:.2f}, less {:.2f} a tolerance of rest, less {:.2f} a tolerance over the part".format(*fitted()))
     folds = GroupKFold(FOLDS)
@@ -60,6 +61,7 @@ def main():
     for low, high in ((0.0, 0.5), (0.5, 0.8), (0.8, 0.9), (0.9, 0.95), (0.95, 1.0)):
         some = (stated >= low) & (stated < high)
         print(f"{low:g} to {high:g}: {some.sum()} names, stated {stated[some].mean():.3f}, act {acts[some].mean():.3f}")
+    reliability(list(zip(stated, acts))).savefig(NAMES.parent / "_static" / "calibration.png", dpi=100)
 
 
 if __name__ == "__main__":

@@ -56,14 +56,14 @@ def overview(result: Any) -> Any:
     return figure
 
 
-def reliability(rows: Sequence[Row]) -> Any:
+def reliability(pairs: Sequence[tuple[float, bool]]) -> Any:
     """Stated probability of names, with their class, against the share that acts; None without matplotlib."""
     figure = _figure(4.6, 4.2)
     if figure is None:
         return None
     axes = figure.subplots()
     axes.plot([0, 1], [0, 1], color="#bbbbbb")
-    for stated, share, count in reliability_points(rows):
+    for stated, share, count in reliability_points(pairs):
         low, high = wilson(round(share * count), count)
         axes.plot([stated] * 2, [low, high], color=RED, linewidth=1)
         axes.plot([stated], [share], "o", color=RED)
@@ -73,7 +73,7 @@ def reliability(rows: Sequence[Row]) -> Any:
     axes.set(
         xlabel="probability stated (mean of a bin)",
         ylabel="share that acts in the plant",
-        xlim=(0.45, 1.03),
+        xlim=(0, 1.03),
         ylim=(0, 1.05),
     )
     axes.set_title("Names with their class: counts, 90 % limits", fontsize=10)

@@ -54,9 +54,12 @@ def class_stated(row: Row) -> list[tuple[float, bool]]:
     return pairs
 
 
-def reliability_points(rows: Sequence[Row]) -> list[tuple[float, float, int]]:
-    """Mean stated probability, share that acts and count of the names in every bin of :data:`PROBABILITY_BINS` that holds some."""
-    pairs = [pair for row in rows if "error" not in row for pair in class_stated(row)]
+def reliability_points(pairs: Sequence[tuple[float, bool]]) -> list[tuple[float, float, int]]:
+    """Mean stated probability, share that acts and count of the names in every bin of :data:`PROBABILITY_BINS` that holds some.
+
+    >>> reliability_points([(0.5, True), (0.75, False), (0.97, True)])
+    [(0.625, 0.5, 2), (0.97, 1.0, 1)]
+    """
     if not pairs:
         return []
     stated, true = np.array(pairs, dtype=float).T
