@@ -105,7 +105,15 @@ def test_by_size_one_value_in_ten_counts():
     fold, lengths = np.arange(2), np.full(2, 1000)
     own, near = of_costs([1e6, 1e6]), of_costs([9e5, 9e5])
     assert chosen_without(own, [near], fold, lengths, 50, by_size=True) == [None, None]
-    assert chosen_without(own, [of_costs([5e5, 5e5])], fold, lengths, 50, by_size=True) == [0, 0]
+    assert chosen_without(own, [of_costs([5e5, 5e6])], fold, lengths, 50, by_size=True) == [None, 0]
+
+
+def test_what_all_runs_prefer_is_held_back_by_what_held_it_back_there():
+    fold, lengths = np.arange(4), np.full(4, 100)
+    own = of_costs([100, 100, 100, 100])
+    # 80 nats nearer in all runs, and not named: three of them, which prefer it by 60, do not name it either
+    assert chosen_without(own, [of_costs([80, 80, 80, 80])], fold, lengths, 50) == [None] * 4
+    assert chosen_without(own, [of_costs([190, 40, 40, 40])], fold, lengths, 50) == [0, None, None, None]
 
 
 def test_what_the_other_runs_choose_stands_in_the_error_on_a_run_left_out():

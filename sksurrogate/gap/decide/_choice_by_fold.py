@@ -72,7 +72,8 @@ def chosen_without(
     """For every fold the candidate that the other runs choose in place of the named one; None where they keep it.
 
     They reject a name where a candidate gains over it what an effect must gain over none. A simpler candidate gains nothing for that:
-    where the effect acts in the runs left out alone, the others need no parameters at all.
+    where the effect acts in the runs left out alone, the others need no parameters at all. What all runs together prefer by likelihood does not
+    stand for a reason of its own, such as a law beside it: that holds without a fold as well, and the others must prefer it by so much more.
 
     ``own``: what is named.
     ``fold`` (n_runs,).
@@ -80,18 +81,25 @@ def chosen_without(
     ``n_candidates``: effects that were compared.
     ``by_size``: far from the data.
     """
-    out: list[int | None] = []
-    for k in np.unique(fold):
-        kept = fold != k
+
+    def gains(kept: np.ndarray) -> np.ndarray:
+        """Of each candidate over the named one, beyond what it must gain."""
         n_values = int(lengths[kept].sum())
         level = own.worth(kept, n_values, by_size) if kept.any() else np.inf
-        gains = [
+        return np.array([
             2.0 * (candidate.worth(kept, n_values, by_size) - level)
             - evidence_threshold(1 + max(candidate.n_parameters - own.n_parameters, 0), n_candidates, n_values)
             for candidate in candidates
-        ]
-        best = int(np.argmax(gains)) if gains else -1
-        out.append(best if best >= 0 and gains[best] > 0 else None)
+        ])  # fmt: skip
+
+    out: list[int | None] = [None] * len(np.unique(fold))
+    if not candidates:
+        return out
+    held_against = np.maximum(gains(np.full(len(fold), True)), 0.0)
+    for k, left_out in enumerate(np.unique(fold)):
+        more = gains(fold != left_out) - held_against
+        if more.max() > 0:
+            out[k] = int(more.argmax())
     return out
 
 
