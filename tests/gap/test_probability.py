@@ -69,10 +69,9 @@ def test_of_three_effects_that_others_imitate_those_that_are_certain_stand_alone
     asked = case.question
     diagnoser = GapDiagnoser(asked.simulator, effects=asked.effects, free_params=asked.free_params, random_state=0)
     report = diagnoser.fit(asked.X, asked.y, groups=asked.groups).report_
-    chances = {effect.name: effect.probability for effect in report.effects}
-    assert chances.pop("input_delay") > 0.9
-    (other,) = (effect for effect in report.effects if effect.name in chances)
-    assert other.probability > 0.9  # that it, or one of its class, acts
+    assert report.reasons.features["probability"] > 0.9  # the evidence that each, or one of its class, acts
+    (other,) = (effect for effect in report.effects if effect.name != "input_delay")
+    assert len(report.effects) == 2 and other.probability < 0.9  # beside a rest that something else makes
     # The temperature hardly moves, and the flow is always beyond its dead zone: both are constants.
     constants = {("input_bias", "flow", None), ("constant_bias", "temperature", None)}
     assert constants & {(other.name, other.location, other.variable), *other.equivalents}
