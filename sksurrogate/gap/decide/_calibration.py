@@ -13,7 +13,7 @@ from sksurrogate.gap.results._remainder import Remainder
 
 #: Log odds that a name acts of which the evidence is certain: beside no rest, and what each ratio of :func:`calibrated` takes from them.
 #: Fitted by ``docs/_scripts/calibration.py`` to the names of a thousand diagnoses (``docs/calibration_names.csv``).
-LOG_ODDS, PER_REST, PER_SMALLNESS = 3.7, 4.5, 1.8
+LOG_ODDS, PER_REST, PER_SMALLNESS = 3.6, 4.5, 1.7
 #: A smaller share of the gap's power counts as so many tolerances.
 SMALLEST_PART = 1.0 / 3.0
 
@@ -30,7 +30,7 @@ def calibrated(evidence: float, rest: float, share: float, tolerance: float) -> 
     ``tolerance``: share of the gap (amplitude) that counts as closed.
 
     >>> [round(calibrated(1.0, rest, share, 0.1), 2) for rest, share in ((0.0, 1.0), (0.05, 1.0), (0.15, 1.0), (0.0, 0.01))]
-    [0.97, 0.78, 0.27, 0.87]
+    [0.97, 0.76, 0.26, 0.87]
     """
     part = max(np.sqrt(max(share, 0.0)), SMALLEST_PART * tolerance)
     beyond = min(rest / tolerance, 1.0)  # a larger rest is of other causes, whatever its size
