@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import re
 import sys
 from collections.abc import Mapping
 from pathlib import Path
@@ -14,7 +15,7 @@ from sksurrogate._csv import read_csv, read_header
 from sksurrogate._headers import assigned, columns_of, split_unit
 from sksurrogate.exceptions import DataError
 
-#: Columns with these names mostly tell one run from the next.
+#: Columns with these names, ``_id`` or ``_index`` behind them, mostly tell one run from the next.
 RUN_WORDS = ("run", "episode", "experiment", "trial", "batch")
 
 
@@ -78,7 +79,8 @@ def recording(
     units = {name: unit for name in signals if (unit := split_unit(shown[name])[1])}
     if time and split_unit(time)[1]:
         units["time"] = split_unit(time)[1]
-    unread = [text for text in header if split_unit(text)[0].lower().removesuffix("id").rstrip("_ ") in RUN_WORDS]
+    word = re.compile(rf"({'|'.join(RUN_WORDS)})[ _-]?(id|index)?", re.IGNORECASE)
+    unread = [text for text in header if word.fullmatch(split_unit(text)[0])]
     if run is None and unread and unread[0] not in wanted:
         print(
             f"sksurrogate: column {unread[0]!r} of {arguments.data} is not read, and all rows are one run. If it tells the runs apart: "

@@ -18,9 +18,10 @@ from sklearn.model_selection import GroupKFold, cross_val_predict
 
 from sksurrogate.blind._pictures import reliability
 from sksurrogate.blind._probabilities import calibration_error
+from sksurrogate.gap.decide._calibration import ratios
 
 NAMES = Path(__file__).parents[1] / "calibration_names.csv"
-TOLERANCE, SMALLEST_PART = 0.1, 1.0 / 3.0
+TOLERANCE = 0.1
 FOLDS = 12
 
 
@@ -29,11 +30,14 @@ def read():
     with NAMES.open(newline="") as file:
         rows = list(csv.DictReader(file))
     rest, share = (np.array([float(row[key]) for row in rows]) for key in ("rest", "share"))
-    rest = np.minimum(rest, 1.0)
-    smallness = np.minimum(TOLERANCE / np.sqrt(np.maximum(share, 1e-12)), 1.0 / SMALLEST_PART)
     acts = np.array([row["acts"] == "1" for row in rows])
     plants = np.array([row["plant"] for row in rows])
-    return np.column_stack([rest, smallness]), acts, plants, np.array([row["source"] != "blind check" for row in rows])
+    return (
+        np.column_stack(ratios(TOLERANCE * rest, share, TOLERANCE)),
+        acts,
+        plants,
+        np.array([row["source"] != "blind check" for row in rows]),
+    )
 
 
 def fitted():

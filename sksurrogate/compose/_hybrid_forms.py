@@ -37,13 +37,13 @@ class CorrectionSettings:
         """
         residual, fade = self.residual, reach(self.fade)
         inside = form in ("dynamics", "input")
-        slopes = residual is None or (inside and ends_linear(residual))
-        loss = self.loss if self.loss is not None else ("shooting" if slopes else "one_step")
+        linear = residual is None or (inside and ends_linear(residual))
+        loss = self.loss if self.loss is not None else ("shooting" if linear else "one_step")
         if residual is not None and not hasattr(residual, "fit") and not isinstance(residual, FreeRunResidual):
             raise DataError(
                 f"residual={residual!r} is not an estimator: it has no method fit. Give a regressor, or a pipeline that ends in one."
             )
-        if inside and ends_linear(residual):
+        if inside and linear and residual is not None:
             refuse_demands(residual, f'form="{form}"', 'form="static" or "output"')
         elif form == "output" and loss == "shooting" and residual is not None:
             refuse_demands(residual, 'loss="shooting"', 'loss="one_step"')
@@ -51,12 +51,11 @@ class CorrectionSettings:
             return OutputCorrection(
                 simulator, residual, form, loss, self.n_lags, fade, self.shrinkage, self.random_state
             )
-        own = residual is not None and not ends_linear(residual)
-        if own and not hasattr(residual, "predict"):
+        if not linear and not hasattr(residual, "predict"):
             raise DataError(
                 f"residual={residual!r} is not a regressor: it has no method predict. Give a regressor, or a pipeline that ends in one."
             )
-        kind = ForceCorrection if own else DynamicsCorrection
+        kind = DynamicsCorrection if linear else ForceCorrection
         return kind(simulator, residual, form, loss, self.states, fade, self.shrinkage)
 
 

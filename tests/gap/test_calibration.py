@@ -1,6 +1,6 @@
 """Stated probabilities: the shares of names that acted, among those that the evidence was certain of."""
 
-import importlib.util
+import runpy
 from pathlib import Path
 
 import numpy as np
@@ -11,24 +11,17 @@ from sksurrogate.gap.decide._calibration import calibrated, with_stated
 from sksurrogate.gap.results._effect_estimate import EffectEstimate
 from sksurrogate.gap.results._remainder import NOTHING_KNOWN, Remainder
 
-SCRIPT = Path(__file__).parents[2] / "docs" / "_scripts" / "calibration.py"
-
-
-def script():
-    """The script that fits the log odds to the stored names."""
-    spec = importlib.util.spec_from_file_location("calibration", SCRIPT)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+#: The script that fits the log odds to the stored names.
+SCRIPT = runpy.run_path(str(Path(__file__).parents[2] / "docs" / "_scripts" / "calibration.py"))
 
 
 def test_the_log_odds_are_those_of_the_stored_names():
     own = _calibration.LOG_ODDS, _calibration.PER_REST, _calibration.PER_SMALLNESS
-    assert script().fitted() == pytest.approx(own, abs=0.06)
+    assert SCRIPT["fitted"]() == pytest.approx(own, abs=0.06)
 
 
 def test_stated_shares_are_true_shares_over_the_stored_names():
-    ratios, acts, _, _ = script().read()
+    ratios, acts, _, _ = SCRIPT["read"]()
     stated = np.array([calibrated(1.0, 0.1 * rest, (0.1 / small) ** 2, 0.1) for rest, small in ratios])
     assert np.mean(stated) == pytest.approx(np.mean(acts), abs=0.02)
     doubtful = stated < 0.9

@@ -72,8 +72,8 @@ def chosen_without(
     """For every fold the candidate that the other runs choose in place of the named one; None where they keep it.
 
     They reject a name where a candidate gains over it what an effect must gain over none. A simpler candidate gains nothing for that:
-    where the effect acts in the runs left out alone, the others need no parameters at all. What all runs together prefer by likelihood does not
-    stand for a reason of its own, such as a law beside it: that holds without a fold as well, and the others must prefer it by so much more.
+    where the effect acts in the runs left out alone, the others need no parameters at all. A candidate that all runs together
+    prefer by likelihood was rejected for another reason, such as a law beside it. That reason holds in every fold: there it must gain as much more.
 
     ``own``: what is named.
     ``fold`` (n_runs,).

@@ -23,9 +23,7 @@ class DecisionFeatures:
     """What the verdict is decided on."""
 
     names: int = 0  #: Effects that passed their certificate
-    probability: float = (
-        1.0  #: By the evidence, of the least probable of them, whatever else acts; 1 where nothing is named
-    )
+    probability: float = 1.0  #: Evidence of the least probable of them, whatever else acts; 1 where nothing is named
     sized: bool = True  #: Whether the interval of each one's magnitude leaves out the value at which it does nothing
     #: Whether the data show each one's form: no exponent at its bound, no parameter that changes its sign along them
     shown: bool = True
