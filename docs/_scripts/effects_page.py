@@ -3,7 +3,8 @@
 from pathlib import Path
 
 from sksurrogate.effects import CATALOGUE
-from sksurrogate.effects._effect import BaseEffect, HiddenEffect
+from sksurrogate.effects._base_effect import BaseEffect
+from sksurrogate.effects._families import HiddenEffect
 
 HEAD = """# The catalogue of effects
 

@@ -1,17 +1,14 @@
 """Effects: small parametric changes to a simulator whose null value gives the simulator back."""
 
+from sksurrogate.effects._base_effect import BaseEffect
 from sksurrogate.effects._catalogue import CATALOGUE, build_effects
-from sksurrogate.effects._effect import (
+from sksurrogate.effects._families import (
     BalanceEffect,
-    BaseEffect,
     HiddenEffect,
     InputEffect,
     LimitEffect,
-    Parameter,
     ParameterEffect,
-    Probe,
     SensorEffect,
-    SensorPath,
 )
 from sksurrogate.effects._law import (
     InputLawEffect,
@@ -21,6 +18,7 @@ from sksurrogate.effects._law import (
     SensorLawEffect,
 )
 from sksurrogate.effects._onset import starting
+from sksurrogate.effects._parts import Parameter, Probe, SensorPath
 from sksurrogate.effects._simulator import AugmentedSimulator
 from sksurrogate.effects._store import load_augmented, save_augmented
 

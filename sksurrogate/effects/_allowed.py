@@ -7,8 +7,8 @@ from fnmatch import fnmatchcase
 from typing import Any, NamedTuple
 
 from sksurrogate._close_names import did_you_mean
+from sksurrogate.effects._base_effect import BaseEffect
 from sksurrogate.effects._catalogue import CATALOGUE
-from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.exceptions import DataError
 from sksurrogate.physics._simulator import Plant
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.effects._base_effect import BaseEffect
 from sksurrogate.exceptions import SimulatorError
 
 

@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from sksurrogate.effects._effect import BalanceEffect, Parameter, Probe
 from sksurrogate.effects._exchange import others
+from sksurrogate.effects._families import BalanceEffect
+from sksurrogate.effects._parts import Parameter, Probe
 from sksurrogate.effects._smooth import WITHIN_SAMPLE, positive, power, sign, stable_power
 from sksurrogate.effects._stribeck_curve import LEAST_RATIO, larger_at_rest, stribeck_curve
 from sksurrogate.physics._simulator import Plant

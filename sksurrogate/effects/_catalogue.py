@@ -19,7 +19,8 @@ from sksurrogate.effects import _limit as limit
 from sksurrogate.effects import _load_friction as load_friction
 from sksurrogate.effects import _parameter as parameter
 from sksurrogate.effects import _sensor as sensor
-from sksurrogate.effects._effect import BalanceEffect, BaseEffect
+from sksurrogate.effects._base_effect import BaseEffect
+from sksurrogate.effects._families import BalanceEffect
 from sksurrogate.effects._ports import Places, places_of
 from sksurrogate.effects._structure import motions
 from sksurrogate.exceptions import DataError

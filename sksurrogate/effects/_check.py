@@ -9,9 +9,10 @@ from typing import Any, cast
 import numpy as np
 from sklearn.base import clone
 
+from sksurrogate.effects._base_effect import BaseEffect
 from sksurrogate.effects._catalogue import check_place
-from sksurrogate.effects._effect import BaseEffect, Probe
 from sksurrogate.effects._model import AugmentedModel, BoundModel
+from sksurrogate.effects._parts import Probe
 from sksurrogate.effects._structure import kinematic_states
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics._model import PlantModel

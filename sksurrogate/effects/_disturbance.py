@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from sksurrogate.effects._effect import BalanceEffect, Parameter, Probe
+from sksurrogate.effects._families import BalanceEffect
 from sksurrogate.effects._parameter import JUMPS, within_the_runs
+from sksurrogate.effects._parts import Parameter, Probe
 from sksurrogate.effects._smooth import after
 
 

@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from sksurrogate.effects._effect import BalanceEffect, Parameter, Probe
+from sksurrogate.effects._families import BalanceEffect
+from sksurrogate.effects._parts import Parameter, Probe
 from sksurrogate.physics._simulator import Plant
 
 #: The neighbour's part of what is exchanged over the state's own (RMS), at least.

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from sksurrogate.effects._effect import BalanceEffect, LimitEffect
+from sksurrogate.effects._families import BalanceEffect, LimitEffect
 from sksurrogate.effects._model import BoundModel
 from sksurrogate.effects._onset import Starting
 from sksurrogate.kernels.integrate import close

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Any
 
 import numpy as np
 
-from sksurrogate.effects._effect import HiddenEffect, Parameter, Probe
+from sksurrogate.effects._families import HiddenEffect
+from sksurrogate.effects._parts import Parameter, Probe
 from sksurrogate.effects._smooth import TINY, WITHIN_SAMPLE, follow, magnitude
 from sksurrogate.effects._stribeck_curve import larger_at_rest, stribeck_curve
 
@@ -143,20 +144,28 @@ class LugreFriction(HiddenEffect):
 
 
 class HiddenRelaxation(HiddenEffect):
-    """A slow companion, such as a wall or creep: ``- c (v - z), dz/dt = (v - z)/time_constant``."""
+    """A slow companion, such as a wall or creep: ``- c (v - z), dz/dt = (v - z)/time_constant``.
+
+    Driven by an input it is the slow part of what this input does (the diffusion of a battery's cell): c has either sign then.
+    """
 
     name = "hidden_relaxation"
     natural_drivers = ("own", "position")
+    drivers = ("state", "input")
     at_port = ("position", "level")
     parameters = (
         Parameter("coefficient", low=0.0, unit="dx/dt over v"),
         Parameter("time_constant", null=1.0, low=TINY, unit="time"),
     )
     equation = "- c (v - z), dz/dt = (v - z)/time_constant"
-    signature = "a slow tail after every step; fast changes meet more resistance than slow ones"
+    signature = "a slow tail after every step; fast changes meet more resistance than slow ones, or less where an input drives it"
     twins = ("exchange", "linear_loss", "hidden_mode", "sensor_lag", "input_lag")
     nests = ("linear_loss",)
     linear = True
+
+    def either_sign(self, inputs: Collection[str]) -> bool:
+        """Of an input, whose sign is a convention."""
+        return self.variable in inputs
 
     def rest(self, v: np.ndarray, theta: Sequence[Any]) -> Sequence[Any]:
         """``z(0) = v(0)``."""

@@ -8,8 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from sksurrogate.effects._effect import BaseEffect, InputEffect, Parameter, Probe, Theta
+from sksurrogate.effects._base_effect import BaseEffect, Theta
+from sksurrogate.effects._families import InputEffect
 from sksurrogate.effects._lattice import COARSE, likely_steps
+from sksurrogate.effects._parts import Parameter, Probe
 from sksurrogate.kernels.signals import Signal, delay, lag, play, pointwise, rate_limit
 from sksurrogate.physics._simulator import Plant
 

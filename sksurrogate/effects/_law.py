@@ -7,17 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from sksurrogate.effects._effect import (
-    BalanceEffect,
-    BaseEffect,
-    HiddenEffect,
-    InputEffect,
-    Parameter,
-    ParameterEffect,
-    SensorEffect,
-    Theta,
-)
+from sksurrogate.effects._base_effect import BaseEffect, Theta
+from sksurrogate.effects._families import BalanceEffect, HiddenEffect, InputEffect, ParameterEffect, SensorEffect
 from sksurrogate.effects._formula import Term, equation_of
+from sksurrogate.effects._parts import Parameter
 from sksurrogate.effects._smooth import TINY, follow, stable
 from sksurrogate.kernels.signals import Signal, lag
 

@@ -7,8 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from sksurrogate.effects._effect import BaseEffect, LimitEffect, Parameter, Probe
+from sksurrogate.effects._base_effect import BaseEffect
+from sksurrogate.effects._families import LimitEffect
 from sksurrogate.effects._onset import Starting
+from sksurrogate.effects._parts import Parameter, Probe
 from sksurrogate.physics._simulator import Plant
 
 #: Quantiles of the reached range at which limits are tried: a run may begin above a limit.

@@ -8,20 +8,20 @@ from typing import Any
 
 import numpy as np
 
-from sksurrogate.effects._effect import (
+from sksurrogate.effects._base_effect import BaseEffect
+from sksurrogate.effects._families import (
     BalanceEffect,
-    BaseEffect,
     HiddenEffect,
     InputEffect,
     LimitEffect,
     ParameterEffect,
     SensorEffect,
-    SensorPath,
 )
 from sksurrogate.effects._input import within_runs
 from sksurrogate.effects._limit import in_force
 from sksurrogate.effects._onset import Starting, edges_of, kinks_of, timed
 from sksurrogate.effects._parameter import constant_in_time
+from sksurrogate.effects._parts import SensorPath
 from sksurrogate.effects._readings import read_sensors
 from sksurrogate.effects._whole_step import has_own_steps, held_for, own_run, whole_step
 from sksurrogate.effects._wires import beside, entering, factors, kink_width, wire_of

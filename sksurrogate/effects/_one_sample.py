@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from sksurrogate.effects._effect import BaseEffect, InputEffect, SensorEffect
+from sksurrogate.effects._base_effect import BaseEffect
+from sksurrogate.effects._families import InputEffect, SensorEffect
 from sksurrogate.effects._input import InputBacklash, InputDelay, InputLag, RateLimit, RememberingActuator
 from sksurrogate.effects._onset import Starting, window_share
 from sksurrogate.effects._sensor import SensorDelay, SensorLag, lag_moments

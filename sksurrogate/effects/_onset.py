@@ -14,19 +14,16 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from sksurrogate.effects._effect import (
+from sksurrogate.effects._base_effect import BaseEffect, Theta
+from sksurrogate.effects._families import (
     BalanceEffect,
-    BaseEffect,
     HiddenEffect,
     InputEffect,
     LimitEffect,
-    Parameter,
     ParameterEffect,
-    Probe,
     SensorEffect,
-    SensorPath,
-    Theta,
 )
+from sksurrogate.effects._parts import Parameter, Probe, SensorPath
 from sksurrogate.effects._smooth import after
 from sksurrogate.exceptions import DataError
 from sksurrogate.kernels.record import ages_of

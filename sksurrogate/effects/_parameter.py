@@ -7,8 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from sksurrogate.effects._effect import BaseEffect, Parameter, ParameterEffect, Probe
+from sksurrogate.effects._base_effect import BaseEffect
+from sksurrogate.effects._families import ParameterEffect
 from sksurrogate.effects._onset import Starting
+from sksurrogate.effects._parts import Parameter, Probe
 from sksurrogate.effects._smooth import after
 from sksurrogate.physics._simulator import Plant
 

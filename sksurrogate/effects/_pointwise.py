@@ -8,7 +8,8 @@ from typing import Any, Protocol
 import numpy as np
 
 from sksurrogate.effects._at_work import paired, values_of
-from sksurrogate.effects._effect import BalanceEffect, BaseEffect, ParameterEffect
+from sksurrogate.effects._base_effect import BaseEffect
+from sksurrogate.effects._families import BalanceEffect, ParameterEffect
 from sksurrogate.physics._simulator import offered_ports
 
 

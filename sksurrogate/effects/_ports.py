@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from sksurrogate.effects._effect import BalanceEffect, BaseEffect
+from sksurrogate.effects._base_effect import BaseEffect
+from sksurrogate.effects._families import BalanceEffect
 from sksurrogate.effects._structure import Structure, structure_of
 from sksurrogate.physics._model import PlantModel
 from sksurrogate.physics._simulator import Plant

@@ -7,8 +7,9 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from sksurrogate.effects._effect import SensorEffect, SensorPath
+from sksurrogate.effects._families import SensorEffect
 from sksurrogate.effects._onset import timed
+from sksurrogate.effects._parts import SensorPath
 from sksurrogate.kernels.sampling import read_between
 
 

@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from sksurrogate.effects._effect import BaseEffect, HiddenEffect, InputEffect, SensorEffect
+from sksurrogate.effects._base_effect import BaseEffect
+from sksurrogate.effects._families import HiddenEffect, InputEffect, SensorEffect
 from sksurrogate.effects._free_run import SUBSTEPS_OF_SHARP
 from sksurrogate.effects._one_sample import InputInSample, Pieces, SensorInSample
 from sksurrogate.effects._points import PointModel, bound_at_points, stacked

@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from sksurrogate.effects._effect import Parameter, Probe, SensorEffect, SensorPath, Theta
+from sksurrogate.effects._base_effect import Theta
+from sksurrogate.effects._families import SensorEffect
 from sksurrogate.effects._input import (
     delays,
     levels_inside,
@@ -18,6 +19,7 @@ from sksurrogate.effects._input import (
     times,
 )
 from sksurrogate.effects._lattice import LATTICE_STEPS_SPANNED, lattice_steps, shows_steps
+from sksurrogate.effects._parts import Parameter, Probe, SensorPath
 from sksurrogate.kernels.banded import first_order_scan
 from sksurrogate.kernels.sampling import read_between
 from sksurrogate.physics._simulator import Plant

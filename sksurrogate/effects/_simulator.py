@@ -11,8 +11,9 @@ from sklearn.utils.metaestimators import available_if
 
 from sksurrogate._columns import by_name
 from sksurrogate.effects._at_work import acting_in, is_null, paired, values_of
+from sksurrogate.effects._base_effect import BaseEffect
 from sksurrogate.effects._catalogue import check_place
-from sksurrogate.effects._effect import BalanceEffect, BaseEffect, HiddenEffect, ParameterEffect, SensorEffect
+from sksurrogate.effects._families import BalanceEffect, HiddenEffect, ParameterEffect, SensorEffect
 from sksurrogate.effects._free_run import augmented_states
 from sksurrogate.effects._model import AugmentedModel, BoundModel
 from sksurrogate.effects._pointwise import acting_params, entering_at, term_at

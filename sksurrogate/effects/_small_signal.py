@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from scipy.signal import tf2ss
 
-from sksurrogate.effects._effect import BaseEffect, HiddenEffect, InputEffect, LimitEffect, SensorEffect
+from sksurrogate.effects._base_effect import BaseEffect
+from sksurrogate.effects._families import HiddenEffect, InputEffect, LimitEffect, SensorEffect
 from sksurrogate.effects._input import InputBacklash, InputDelay, InputLag, InputQuantization, RateLimit
 from sksurrogate.effects._one_sample import InputInSample, Pieces, own_values, unwindowed
 from sksurrogate.effects._onset import Starting, window

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.effects._base_effect import BaseEffect
 from sksurrogate.effects._model import BoundModel
 from sksurrogate.effects._points import bound_at_points, stacked
 from sksurrogate.effects._sampled import SampledForm, point_model

@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 import json
 import warnings
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +14,8 @@ import numpy as np
 from sksurrogate._files import write_text
 from sksurrogate.effects._arguments import as_arguments, as_text, listed
 from sksurrogate.effects._at_work import acting_in, paired, values_of
+from sksurrogate.effects._base_effect import BaseEffect
 from sksurrogate.effects._catalogue import CATALOGUE, check_place
-from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.effects._law import InputLawEffect, LawEffect, MemoryLawEffect, ParameterLawEffect, SensorLawEffect
 from sksurrogate.effects._onset import Starting, starting
 from sksurrogate.effects._parts import Parameter
@@ -105,6 +105,7 @@ def augmented_text(augmented: AugmentedSimulator, **notes: Any) -> str:
     scale, runs = augmented.scale, augmented.runs or [None] * len(augmented.effects)
     acting_in(augmented.effects, runs, None)  # refuses runs of other effects
     _check_fits(augmented)
+    inputs = describe(augmented.simulator).inputs
     for note, value in notes.items():
         try:
             json.dumps(value)
@@ -122,7 +123,7 @@ def augmented_text(augmented: AugmentedSimulator, **notes: Any) -> str:
                 "variable": effect.variable,
                 "arguments": as_text(effect),
                 **({"window": list(effect.span)} if isinstance(effect, Starting) else {}),
-                "params": {p.name: _within(effect, p, v) for p, v in zip(effect.parameters, values_of(effect, values))},
+                "params": _checked(effect, values_of(effect, values), inputs),
                 **({} if labels is None else {"runs": [_label(one) for one in labels]}),
             }
             for (effect, values), labels in zip(paired(augmented.effects, augmented.values), runs)
@@ -195,11 +196,11 @@ def load_augmented(simulator: Any, path: Any, effects: Any = ()) -> AugmentedSim
     own = _own(effects)
     try:
         text = json.loads(file.read_text(encoding="utf-8"), object_pairs_hook=_once)
-        built, values, runs = [], [], []
+        built, values, runs, inputs = [], [], [], describe(simulator).inputs
         for entry in listed(text["effects"]):
             effect = _built(entry, own, file.name)
             built.append(effect)
-            values.append(_numbers(effect, entry["params"], file.name))
+            values.append(_numbers(effect, entry["params"], file.name, inputs))
             runs.append([_label(one) for one in listed(entry["runs"])] if "runs" in entry else None)
             _check_new(built, runs)
         retuned = {name: _finite(value, f"params: {name}") for name, value in text["params"].items()}
@@ -267,7 +268,7 @@ def _short(value: Any) -> str:
     return text if len(text) <= 40 else text[:37] + "..."
 
 
-def _numbers(effect: BaseEffect, given: Any, file: str) -> dict[str, float]:
+def _numbers(effect: BaseEffect, given: Any, file: str, inputs: Collection[str]) -> dict[str, float]:
     """Values of an effect by name."""
     names = [parameter.name for parameter in effect.parameters]
     if sorted(given) != sorted(names):
@@ -276,7 +277,7 @@ def _numbers(effect: BaseEffect, given: Any, file: str) -> dict[str, float]:
         if isinstance(given[name], bool) or not isinstance(given[name], (int, float)):
             raise ValueError(f"effect {effect.name!r}: {name}={_short(given[name])}, expected a number")
     try:
-        found = {p.name: _within(effect, p, given[p.name]) for p in effect.parameters}
+        found = _checked(effect, [given[name] for name in names], inputs)
         if {"onset", "end"} <= set(found) and found["end"] <= found["onset"]:
             raise DataError(
                 f"effect {effect.name!r} at {effect.location!r}: end={found['end']:g}, expected a time after its "
@@ -287,15 +288,23 @@ def _numbers(effect: BaseEffect, given: Any, file: str) -> dict[str, float]:
         raise DataError(f"{file}: {error}") from None
 
 
-def _within(effect: BaseEffect, parameter: Parameter, value: Any) -> float:
+def _checked(effect: BaseEffect, values: Sequence[Any], inputs: Collection[str]) -> dict[str, float]:
+    """Values by name: within the bounds of an effect in a plant with these inputs."""
+    low = [parameter.low for parameter in effect.parameters]
+    if effect.either_sign(inputs):
+        low[0] = -np.inf
+    return {p.name: _within(effect, p, least, v) for p, least, v in zip(effect.parameters, low, values)}
+
+
+def _within(effect: BaseEffect, parameter: Parameter, low: float, value: Any) -> float:
     """A value that is finite, or the one at which the effect is absent, and within the bounds, rounding apart."""
     number = float(value)
-    slack = 1e-9 * max(abs(bound) for bound in (parameter.low, parameter.high, 1e-3) if np.isfinite(bound))
-    fits = parameter.low - slack <= number <= parameter.high + slack
+    slack = 1e-9 * max(abs(bound) for bound in (low, parameter.high, 1e-3) if np.isfinite(bound))
+    fits = low - slack <= number <= parameter.high + slack
     if not fits or not (np.isfinite(number) or number == parameter.null):
         raise DataError(
             f"effect {effect.name!r} at {effect.location!r}: {parameter.name}={number:g}, expected a finite number from "
-            f"{parameter.low:g} to {parameter.high:g}."
+            f"{low:g} to {parameter.high:g}."
         )
     return number
 

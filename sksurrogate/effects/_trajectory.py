@@ -9,8 +9,10 @@ from typing import Any
 import numpy as np
 from sklearn.base import clone
 
-from sksurrogate.effects._effect import BaseEffect, InputEffect, ParameterEffect, SensorEffect, SensorPath
+from sksurrogate.effects._base_effect import BaseEffect
+from sksurrogate.effects._families import InputEffect, ParameterEffect, SensorEffect
 from sksurrogate.effects._onset import timed
+from sksurrogate.effects._parts import SensorPath
 from sksurrogate.exceptions import SimulatorError
 from sksurrogate.kernels.clock import check_time
 from sksurrogate.kernels.signals import hold

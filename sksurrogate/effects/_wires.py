@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from sksurrogate.effects._effect import BalanceEffect, BaseEffect
+from sksurrogate.effects._base_effect import BaseEffect
+from sksurrogate.effects._families import BalanceEffect
 from sksurrogate.effects._law import LawEffect
 from sksurrogate.effects._ports import at_port
 from sksurrogate.effects._structure import largest_gains

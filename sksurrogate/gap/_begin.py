@@ -14,8 +14,8 @@ import numpy as np
 from sksurrogate._parallel._pickled import can_be_shared
 from sksurrogate._parallel._worker_process import WorkerProcess
 from sksurrogate.effects._allowed import allowed_effects, closed_places
+from sksurrogate.effects._base_effect import BaseEffect
 from sksurrogate.effects._catalogue import build_effects, left_out
-from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.effects._input import RememberingActuator
 from sksurrogate.effects._sensor import SensorDelay
 from sksurrogate.effects._still import driven_effects

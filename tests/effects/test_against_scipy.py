@@ -43,7 +43,7 @@ def wen_on_speed(t, z, u):
     return z[1], dv, bouc_wen(dv, z[2], 0.3)
 
 
-#: name, variable, values, right-hand side, hidden states at the start, tolerance
+#: name, variable, values, right-hand side, hidden states at the start ("u": the input there), tolerance
 OSCILLATOR = [
     ("constant_bias", None, (0.7,), only(lambda t, q, v, u: 0.7), (), SMOOTH),
     ("linear_loss", "v", (0.9,), only(lambda t, q, v, u: -0.9 * v), (), SMOOTH),
@@ -78,6 +78,10 @@ OSCILLATOR = [
         lambda t, z, u: (z[1], spring(z[0], z[1], u) - 10 * (z[0] - z[2]), (z[0] - z[2]) / 0.2), (0.1,), SMOOTH,
     ),
     (
+        "hidden_relaxation", "u", (-0.4, 0.3),
+        lambda t, z, u: (z[1], spring(z[0], z[1], u) + 0.4 * (u - z[2]), (u - z[2]) / 0.3), ("u",), SMOOTH,
+    ),
+    (
         "hidden_mode", "q", (6.0, 7.0, 0.1),
         lambda t, z, u: (z[1], spring(z[0], z[1], u) + 6 * (z[2] - z[0]), z[3], 49 * (z[0] - z[2]) - 1.4 * z[3]),
         (0.1, 0.0), SMOOTH,
@@ -88,6 +92,7 @@ OSCILLATOR = [
 @pytest.mark.parametrize(("name", "variable", "values", "rhs", "hidden", "tolerance"), OSCILLATOR)
 def test_effect_on_an_oscillator(name, variable, values, rhs, hidden, tolerance, oscillator, force, reference):
     start = (0.1, 0.0)
+    hidden = [force[0, 0] if value == "u" else value for value in hidden]
     with_effect = AugmentedSimulator(oscillator, [CATALOGUE[name]("v", variable)], [values])
     edges = (1.234,) if name == "step_disturbance" else ()
     exact = reference(rhs, (*start, *hidden), force[:, 0], edges=edges)

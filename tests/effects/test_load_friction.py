@@ -5,8 +5,8 @@ import pytest
 
 from sksurrogate.effects import CATALOGUE, AugmentedSimulator
 from sksurrogate.effects._catalogue import build_effects
-from sksurrogate.effects._effect import Probe
 from sksurrogate.effects._onset import starting
+from sksurrogate.effects._parts import Probe
 from sksurrogate.gap import GapDiagnoser
 from sksurrogate.physics import MuJoCoSimulator, ODESimulator
 from sksurrogate.physics._simulator import describe

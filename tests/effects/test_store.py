@@ -53,6 +53,13 @@ def through(effect, values, tmp_path, known=()):
     return again.effects[0]
 
 
+def test_the_relaxation_of_an_input_has_either_sign_and_that_of_a_state_has_one(tmp_path):
+    values = {"coefficient": -0.3, "time_constant": 2.0}
+    through(CATALOGUE["hidden_relaxation"]("y", "u"), values, tmp_path)
+    with pytest.raises(DataError, match=r"coefficient=-0\.3, expected a finite number from 0"):
+        through(CATALOGUE["hidden_relaxation"]("y", "y"), values, tmp_path)
+
+
 def test_a_law_comes_back_without_being_given(tmp_path):
     terms = (Term((("drag", "y", 0.0, 0.0),)), Term((("above", "u", 0.15, 1e-3), ("v", "y", 0.0, 0.0))), Term())
     law = LawEffect("y", "u*y", terms, (-0.3, np.float64(0.2), 0.1))

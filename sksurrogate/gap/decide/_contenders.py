@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.effects._base_effect import BaseEffect
 from sksurrogate.gap.fit._closeness import AT_THE_NOISE, FAR, MOST_LEFT, SETTLED
 from sksurrogate.gap.fit._evidence import C, Evidence, estimate_noise
 from sksurrogate.gap.fit._ode import OdeCandidate

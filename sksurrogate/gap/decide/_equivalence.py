@@ -8,8 +8,8 @@ from typing import Any, Generic
 
 import numpy as np
 
+from sksurrogate.effects._base_effect import BaseEffect
 from sksurrogate.effects._catalogue import CATALOGUE
-from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.effects._onset import Starting
 from sksurrogate.gap.decide._contenders import swaps
 from sksurrogate.gap.decide._posterior import Posterior

@@ -7,8 +7,8 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
+from sksurrogate.effects._base_effect import BaseEffect
 from sksurrogate.effects._catalogue import name_of
-from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.effects._ports import at_port
 from sksurrogate.gap.decide._equivalence import EquivalenceClass
 from sksurrogate.gap.decide._partial_results import PartialResults

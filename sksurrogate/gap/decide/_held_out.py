@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from sksurrogate.effects._base_effect import BaseEffect
 from sksurrogate.effects._catalogue import name_of
-from sksurrogate.effects._effect import BaseEffect
 from sksurrogate.gap.decide._generic_correction import Correction
 from sksurrogate.gap.fit._backend import BaseCandidate
 from sksurrogate.gap.fit._closeness import BEYOND_CHANCE

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.effects._base_effect import BaseEffect
 from sksurrogate.effects._onset import Starting
 from sksurrogate.gap.fit._backend import BaseCandidate
 from sksurrogate.gap.fit._coordinates import coordinates_of

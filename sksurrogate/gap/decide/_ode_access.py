@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 
 from sksurrogate._parallel._worker_process import PendingAnswer
+from sksurrogate.effects._base_effect import BaseEffect
 from sksurrogate.effects._catalogue import name_of
-from sksurrogate.effects._effect import BalanceEffect, BaseEffect, HiddenEffect
+from sksurrogate.effects._families import BalanceEffect, HiddenEffect
 from sksurrogate.gap.decide._access import BaseAccess
 from sksurrogate.gap.decide._generic_correction import Correction, generic_correction, known_runs
 from sksurrogate.gap.decide._posterior import Posterior, law_left_beside, let_stand

@@ -7,7 +7,7 @@ from itertools import combinations
 import numpy as np
 from scipy.special import ndtr
 
-from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.effects._base_effect import BaseEffect
 from sksurrogate.gap.decide._intervals import intervals, not_sized
 from sksurrogate.gap.fit._evidence import C, Evidence
 from sksurrogate.gap.fit._ode import OdeCandidate

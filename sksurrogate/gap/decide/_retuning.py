@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.effects._base_effect import BaseEffect
 from sksurrogate.gap.fit._closeness import MOST_LEFT
 from sksurrogate.gap.fit._known_parameters import value_of
 from sksurrogate.gap.fit._normal_equations import eliminate, project_starts

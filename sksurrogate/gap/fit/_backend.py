@@ -9,7 +9,7 @@ from typing import ClassVar, Protocol, TypeVar
 
 import numpy as np
 
-from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.effects._base_effect import BaseEffect
 from sksurrogate.effects._smooth import KINK_SHARPNESS
 from sksurrogate.gap.fit._closeness import LARGEST_DISTURBANCE, NEARLY_WHITE
 from sksurrogate.gap.fit._known_parameters import KnownParameters
@@ -56,7 +56,7 @@ class Backend(ABC):
     def bounds(self, effects: Sequence[BaseEffect]) -> tuple[np.ndarray, np.ndarray]:
         """Bounds of the parameters."""
         duration = self.record.dt * float(self.record.lengths.max())
-        return self.known.bounds_of(self.plant.params, effects, self.free, duration)
+        return self.known.bounds_of(self.plant.params, effects, self.free, duration, self.plant.inputs)
 
     def within(self, effects: Sequence[BaseEffect], theta: np.ndarray) -> np.ndarray:
         """The nearest parameters within their bounds that a fit can leave again."""

@@ -11,7 +11,7 @@ import numpy as np
 
 from sksurrogate._parallel._parallel_map import side_by_side
 from sksurrogate._parallel._worker_process import WorkerProcess
-from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.effects._base_effect import BaseEffect
 from sksurrogate.gap.fit._backend import BaseCandidate, C, Fitted
 from sksurrogate.gap.fit._closeness import AT_THE_NOISE
 from sksurrogate.gap.fit._linear_set import linear_set

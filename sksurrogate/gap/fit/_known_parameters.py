@@ -6,12 +6,12 @@ as the ratio less one, likewise.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.effects._base_effect import BaseEffect
 from sksurrogate.effects._parameter import constant_in_time
 from sksurrogate.exceptions import DataError
 
@@ -72,13 +72,20 @@ class KnownParameters:
         return (0.0, np.inf) if nominal == 0 else (0.0, float(np.sqrt(PRIOR**2 + phi**2 / 2)))
 
     def bounds_of(
-        self, params: Mapping[str, float], effects: Sequence[BaseEffect], free: Sequence[str], duration: float
+        self,
+        params: Mapping[str, float],
+        effects: Sequence[BaseEffect],
+        free: Sequence[str],
+        duration: float,
+        inputs: Collection[str] = (),
     ) -> tuple[np.ndarray, np.ndarray]:
         """Bounds of the parameters of effects in turn, then of free parameters; ``duration`` of the longest run."""
         low: list[float] = []
         high: list[float] = []
         for effect in effects:
             least, most = list(effect.lower_bounds(duration)), [p.high for p in effect.parameters]
+            if effect.either_sign(inputs):
+                least[0] = -np.inf
             place = _place_of_error(effect)
             if place in self.bounds:
                 a, b = sorted(map(_as_error(params[place]), self.bounds[place]))

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.effects._base_effect import BaseEffect
 from sksurrogate.effects._model import AugmentedModel
 from sksurrogate.effects._smooth import KINK_SHARPNESS
 from sksurrogate.effects._structure import largest_gains

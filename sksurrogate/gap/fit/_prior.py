@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.effects._base_effect import BaseEffect
 from sksurrogate.gap.fit._backend import Backend, BaseCandidate
 from sksurrogate.gap.fit._known_parameters import PRIOR
 from sksurrogate.gap.fit._ode import OdeCandidate

@@ -7,7 +7,8 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from sksurrogate.effects._effect import BaseEffect, Probe
+from sksurrogate.effects._base_effect import BaseEffect
+from sksurrogate.effects._parts import Probe
 from sksurrogate.effects._ports import at_port
 from sksurrogate.effects._wires import beside
 

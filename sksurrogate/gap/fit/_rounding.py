@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.effects._base_effect import BaseEffect
 from sksurrogate.effects._lattice import coherence, lattice_steps, lattice_window, shows_steps
 from sksurrogate.gap.fit._backend import BaseCandidate
 from sksurrogate.gap.fit._ode import OdeCandidate

@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from sksurrogate.effects._effect import BaseEffect, ParameterEffect
+from sksurrogate.effects._base_effect import BaseEffect
+from sksurrogate.effects._families import ParameterEffect
 from sksurrogate.effects._trajectory import acting_rows, plain_runs, readings, retuned_simulator
 from sksurrogate.exceptions import SimulationDiverged, SimulatorError
 from sksurrogate.gap.fit._known_parameters import value_of

@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.effects._base_effect import BaseEffect
 from sksurrogate.gap.fit._backend import Backend, BaseCandidate
 from sksurrogate.gap.fit._known_parameters import PRIOR, KnownParameters
 from sksurrogate.gap.fit._linear_surrogate import LinearSurrogate

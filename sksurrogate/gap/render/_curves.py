@@ -9,7 +9,7 @@ from html import escape
 import numpy as np
 
 from sksurrogate.effects._catalogue import CATALOGUE
-from sksurrogate.effects._effect import BalanceEffect, HiddenEffect
+from sksurrogate.effects._families import BalanceEffect, HiddenEffect
 from sksurrogate.exceptions import SurrogateError
 from sksurrogate.gap.render._svg import POINTS, Line, Panel, figure
 from sksurrogate.gap.render._units import axis, derivative_unit, labelled

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.effects._base_effect import BaseEffect
 from sksurrogate.gap.decide._rules import PRACTICAL
 from sksurrogate.gap.render._values import percent, readable
 from sksurrogate.gap.results._shrink import Shrink

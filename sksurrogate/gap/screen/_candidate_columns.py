@@ -10,7 +10,7 @@ import numpy as np
 
 from sksurrogate._parallel._parallel_map import side_by_side
 from sksurrogate._parallel._worker_process import WorkerProcess
-from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.effects._base_effect import BaseEffect
 from sksurrogate.gap.fit._probe import probe_of
 from sksurrogate.gap.screen._responses import LARGEST_CHANGE, Responses
 from sksurrogate.gap.screen._shortlist import Shortlist
@@ -82,7 +82,8 @@ class CandidateColumns:
         out, paths = self.responses(effect, theta)
         size = largest(out, s.problem.sd)
         refused = np.flatnonzero(~(size < LARGEST_CHANGE)).tolist()
-        if refused and effect.linear and effect.parameters[0].low < 0:  # with the other sign it may be in range
+        other_sign = effect.linear and effect.either_sign(s.problem.plant.inputs)
+        if refused and other_sign:  # with which it may be in range
             theta[0, refused] *= -1.0
             out[:, refused], others = self.responses(effect, theta[:, refused])
             paths = [others[refused.index(k)] if k in refused else path for k, path in enumerate(paths)]

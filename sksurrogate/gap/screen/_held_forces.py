@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from sksurrogate.effects._effect import BalanceEffect
+from sksurrogate.effects._families import BalanceEffect
 
 #: Share of the largest singular value below which ports move no state of their own.
 SAME_PUSH = 1e-9

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sksurrogate.effects._effect import HiddenEffect
+from sksurrogate.effects._families import HiddenEffect
 from sksurrogate.effects._model import AugmentedModel
 from sksurrogate.kernels.banded import recursion_band, solve_recursion
 from sksurrogate.kernels.integrate import rk4

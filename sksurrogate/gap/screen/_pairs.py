@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.effects._base_effect import BaseEffect
 from sksurrogate.gap.fit._normal_equations import eliminate_rows, inverse, project_in_place, start_bases
 from sksurrogate.gap.screen._screen import Screen, Start, grown, grows
 

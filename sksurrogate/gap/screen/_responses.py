@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from sksurrogate.effects._balance import ConstantBias
-from sksurrogate.effects._effect import (
+from sksurrogate.effects._base_effect import BaseEffect
+from sksurrogate.effects._families import (
     BalanceEffect,
-    BaseEffect,
     HiddenEffect,
     InputEffect,
     LimitEffect,

@@ -7,13 +7,13 @@ what a column then explains is its score, once for white noise and once for the 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from sksurrogate._parallel._worker_process import WorkerProcess
-from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.effects._base_effect import BaseEffect
 from sksurrogate.gap.fit._normal_equations import eliminate, eliminate_rows, inverse, scores, start_coordinates
 from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.screen._candidate_columns import CandidateColumns, Column
@@ -85,13 +85,13 @@ class Screen:
     left_by: np.ndarray
 
 
-def _range(columns: Sequence[Column]) -> tuple[np.ndarray, np.ndarray]:
+def _range(columns: Sequence[Column], inputs: Collection[str]) -> tuple[np.ndarray, np.ndarray]:
     """Amplitudes that stand for an effect: free where it is linear, within 0.5..2 of the start where not.
 
     The smallest start of an effect that vanishes at 0 may shrink to nothing: near 0 it is linear.
     """
     linear = np.array([grows(c.effect) for c in columns])
-    one_signed = np.array([bool(c.effect.parameters) and c.effect.parameters[0].low >= 0 for c in columns])
+    one_signed = np.array([bool(c.effect.parameters) and not c.effect.either_sign(inputs) for c in columns])
     low = np.where(linear, np.where(one_signed, 0.0, -np.inf), np.where(_smallest(columns), 0.0, 0.5))
     return low, np.where(linear, np.inf, 2.0)
 
@@ -156,7 +156,7 @@ class _Block:
 def _block(s: Responses, columns: list[Column], noise: Noise | None, most: int | None = None) -> _Block:
     """Candidates by their columns, which are taken over; of many only the ``most`` best starting values of each effect."""
     problem, known, few = s.problem, s.known, len(s.known)
-    low, high = _range(columns)
+    low, high = _range(columns, problem.plant.inputs)
     precision, pull = s.base.step_prior
     whole = np.empty((few + len(columns), *known.shape[1:]))
     whole[:few] = known

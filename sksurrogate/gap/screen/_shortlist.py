@@ -7,7 +7,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.effects._base_effect import BaseEffect
 from sksurrogate.gap.fit._normal_equations import eliminate_rows, scores, start_bases
 from sksurrogate.gap.screen._responses import Responses
 

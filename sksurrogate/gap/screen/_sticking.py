@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from sksurrogate.effects._effect import BalanceEffect, BaseEffect
+from sksurrogate.effects._base_effect import BaseEffect
+from sksurrogate.effects._families import BalanceEffect
 from sksurrogate.effects._smooth import stable
 from sksurrogate.effects._wires import Wire, kink_width
 from sksurrogate.gap.fit._ode import OdeBackend

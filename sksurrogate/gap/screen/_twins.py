@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.effects._base_effect import BaseEffect
 from sksurrogate.gap.fit._normal_equations import project_starts, solve
 from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.screen._candidate_columns import CandidateColumns

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from sksurrogate.effects._effect import BalanceEffect, BaseEffect, HiddenEffect
+from sksurrogate.effects._base_effect import BaseEffect
+from sksurrogate.effects._families import BalanceEffect, HiddenEffect
 from sksurrogate.gap.fit._normal_equations import eliminate, project_starts, scores
 from sksurrogate.gap.fit._pushes import STEP_OF_SLOPES
 from sksurrogate.gap.screen._responses import Responses

@@ -11,7 +11,7 @@ from typing import Any, Generic
 import numpy as np
 
 from sksurrogate._parallel._worker_process import WorkerProcess
-from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.effects._base_effect import BaseEffect
 from sksurrogate.gap.fit._backend import Backend
 from sksurrogate.gap.fit._closeness import FAR_BY_COST, HALF_THE_POWER
 from sksurrogate.gap.fit._evidence import (

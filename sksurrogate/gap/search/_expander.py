@@ -15,7 +15,7 @@ from joblib import delayed, effective_n_jobs
 from sksurrogate._parallel._interrupts import workers
 from sksurrogate._parallel._parallel_map import side_by_side
 from sksurrogate._printed import silent_in_worker
-from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.effects._base_effect import BaseEffect
 from sksurrogate.exceptions import SurrogateError
 from sksurrogate.gap.fit._closeness import AT_THE_NOISE, FAR_BY_COST, OUT_OF_SIGHT, is_at_noise
 from sksurrogate.gap.fit._ode import Numerics, OdeBackend, OdeCandidate

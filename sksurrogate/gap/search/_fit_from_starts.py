@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from sksurrogate.effects._effect import BaseEffect, HiddenEffect, LimitEffect, SensorEffect
+from sksurrogate.effects._base_effect import BaseEffect
+from sksurrogate.effects._families import HiddenEffect, LimitEffect, SensorEffect
 from sksurrogate.effects._law import AnyLaw
 from sksurrogate.effects._onset import Starting
 from sksurrogate.gap.fit._build import nominal_run

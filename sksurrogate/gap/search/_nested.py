@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from sksurrogate.effects._effect import BalanceEffect, BaseEffect, HiddenEffect, LimitEffect, SensorEffect
+from sksurrogate.effects._base_effect import BaseEffect
+from sksurrogate.effects._families import BalanceEffect, HiddenEffect, LimitEffect, SensorEffect
 from sksurrogate.effects._input import InputQuantization, RememberingActuator
 from sksurrogate.effects._sensor import SensorQuantization
 

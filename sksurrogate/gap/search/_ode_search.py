@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.effects._base_effect import BaseEffect
 from sksurrogate.effects._law import AnyLaw
 from sksurrogate.effects._whole_step import has_own_steps
 from sksurrogate.gap.fit._closeness import MOST_LEFT, SETTLED

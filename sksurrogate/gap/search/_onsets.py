@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.effects._base_effect import BaseEffect
 from sksurrogate.effects._onset import EDGE_SHARES, WINDOW_SHARES, Starting, can_start, starting
 from sksurrogate.gap.fit._closeness import AT_THE_NOISE, MOST_LEFT
 from sksurrogate.gap.fit._evidence import CERTAIN

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.effects._base_effect import BaseEffect
 from sksurrogate.gap.fit._evidence import C, arrived
 from sksurrogate.gap.search._base import EQUAL, BaseSearch, Wanted
 from sksurrogate.gap.search._nested import contains, richer

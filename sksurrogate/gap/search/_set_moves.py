@@ -10,7 +10,7 @@ from typing import ClassVar
 import numpy as np
 
 from sksurrogate._parallel._parallel_map import side_by_side
-from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.effects._base_effect import BaseEffect
 from sksurrogate.gap.fit._backend import BaseCandidate
 from sksurrogate.gap.fit._closeness import AT_THE_NOISE
 from sksurrogate.gap.fit._evidence import FEW_STEPS, C, Evidence, estimate_noise, judged_under

@@ -11,7 +11,7 @@ from joblib import delayed
 
 from sksurrogate._parallel._interrupts import workers
 from sksurrogate._printed import silent_in_worker
-from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.effects._base_effect import BaseEffect
 from sksurrogate.gap.fit._closeness import SETTLED
 from sksurrogate.gap.fit._evidence import FEW_STEPS, Evidence, estimate_noise, judged_under
 from sksurrogate.gap.fit._linear_set import linear_set

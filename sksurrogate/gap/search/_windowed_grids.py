@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.effects._base_effect import BaseEffect
 from sksurrogate.effects._onset import starting
 from sksurrogate.gap.fit._rounding import windowed_lattice
 from sksurrogate.gap.search._expander import Expander

@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.effects._base_effect import BaseEffect
 from sksurrogate.gap.fit._linear_set import LinearSet, linear_set
 from sksurrogate.gap.fit._normal_equations import inverse
 from sksurrogate.gap.fit._ode import OdeCandidate

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sksurrogate.effects._balance import ConstantBias
-from sksurrogate.effects._effect import BaseEffect
+from sksurrogate.effects._base_effect import BaseEffect
 from sksurrogate.effects._formula import Term
 from sksurrogate.effects._law import law_effect
 from sksurrogate.gap.fit._neighbours import is_near
