@@ -96,7 +96,7 @@ class AugmentedModel:
     @cached_property
     def held(self) -> list[Signal]:
         """Every input as it was recorded before it was cut, between the samples too."""
-        order, uncut = 0 if self.plant.hold == "zoh" else 1, self.record.uncut
+        order, uncut = self.record.order_of_inputs(self.plant.hold), self.record.uncut
         return [hold(u, self.n_sub, order, uncut.starts) for u in uncut.u]
 
     @cached_property

@@ -10,6 +10,7 @@ from sksurrogate.gap.decide._held_out import HeldOut
 from sksurrogate.gap.decide._law_certificate import CONSTANTS, CertifiedLaw, law_of, share_of_law, takes_the_place
 from sksurrogate.gap.decide._one_curve import LARGEST_CORRECTION
 from sksurrogate.gap.decide._rules import first_rule
+from sksurrogate.gap.faults._input_timing import with_joined_inputs
 from sksurrogate.gap.fit._closeness import NEARLY_WHITE
 from sksurrogate.gap.fit._evidence import C, Evidence
 from sksurrogate.gap.fit._known_parameters import value_of
@@ -107,6 +108,7 @@ class LawStage(DiagnosisState[C]):
         phi = named.fit.theta[named.n_parameters :]
         tuned = {name: value_of(plant.params[name], v) for name, v in zip(problem.free, phi)}
         some = None if self.acts_in is None else [list(self.acts_in)] * len(values)
+        simulator = with_joined_inputs(plant.simulator) if problem.record.joined else plant.simulator
         return AugmentedSimulator(
-            plant.simulator, list(named.effects), values, tuned or None, some, scale=scale, sharpness=problem.sharpness
+            simulator, list(named.effects), values, tuned or None, some, scale=scale, sharpness=problem.sharpness
         )

@@ -65,6 +65,7 @@ class Record:
     began: np.ndarray | None = None  #: (n_recorded_runs,): times at which these began
     history: Record | None = None  #: The record before it was cut: what an actuator remembers at the start of a piece
     place: np.ndarray | None = None  #: int (n_samples,): rows of the history
+    joined: bool = False  #: Whether inputs move in straight lines between rows, also where the simulator holds them
 
     @classmethod
     def from_runs(
@@ -195,6 +196,10 @@ class Record:
         """The rows of this record of signals (..., n_samples) along :attr:`uncut`, None where one is None."""
         return signals if self.place is None else [None if one is None else one[..., self.place] for one in signals]
 
+    def order_of_inputs(self, hold: str) -> int:
+        """Between rows inputs are constant (0) or straight (1); ``hold``: what the simulator does with them."""
+        return 1 if self.joined or hold == "foh" else 0
+
     def back(self, k: int) -> np.ndarray:
         """Row k samples before each, or the first of its run."""
         return np.maximum(np.arange(self.n_samples) - k, self.starts[self.run_of_row])
@@ -208,8 +213,9 @@ class Record:
         recorded = None if self.recorded is None else self.recorded[rows]
         place = None if self.place is None else self.place[rows]
         return Record(
-            u, y, t, starts, self.dt, known, offset, steps, self.disturbance, recorded, self.began, self.history, place
-        )
+            u, y, t, starts, self.dt, known, offset, steps, self.disturbance, recorded, self.began, self.history, place,
+            self.joined,
+        )  # fmt: skip
 
     def cut(self, starts: np.ndarray) -> Record:
         """With its runs cut into pieces that begin at ``starts``; what was recorded without a break is still known."""

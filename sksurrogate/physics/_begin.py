@@ -66,7 +66,7 @@ def coarse_start(
     ``options``: of the fit.
     """
     even = record.steps is None and inner.plant.access == "rhs"
-    started = _telling_rows(record, sd, inner.plant.hold == "zoh") if even else None
+    started = _telling_rows(record, sd, record.order_of_inputs(inner.plant.hold) == 0) if even else None
     if started is None:
         return None
     few, every = started

@@ -77,7 +77,7 @@ class FitModel:
     def held(self) -> tuple[np.ndarray, np.ndarray | None]:
         """Inputs over the substeps, mean and half rise, (n_sub, n_inputs, 1, n_samples)."""
         plant, record = self.inner.plant, self.record
-        if plant.hold == "zoh" or plant.access == "step" or not len(record.u):
+        if record.order_of_inputs(plant.hold) == 0 or plant.access == "step" or not len(record.u):
             u = record.u[None, :, None]
             return u if self.n_sub == 1 else np.broadcast_to(u, (self.n_sub, *u.shape[1:])), None
         signals = [hold(u, self.n_sub, 1, record.starts) for u in record.u]

@@ -1,4 +1,4 @@
-"""Records with faults of their own: four plants, nine kinds of fault, each with and without an unmodelled effect.
+"""Records with faults of their own: four plants, ten kinds of fault, each with and without an unmodelled effect.
 
 The plants are integrated here, with another integrator and step than the package's.
 """
@@ -17,7 +17,9 @@ __all__ = ["FAULTS", "PLANTS", "RecordCase", "make_case"]
 
 #: Runs of a record, and rows of a run.
 RUNS, ROWS = 5, 240
-FAULTS = ("nothing", "spikes", "dropouts", "stuck", "shift", "offset", "gain", "hum", "input_noise", "late_inputs")
+FAULTS = (
+    "nothing", "spikes", "dropouts", "stuck", "shift", "offset", "gain", "hum", "input_noise", "late_inputs", "hold",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -136,8 +138,8 @@ class RecordCase:
     also: tuple[str, ...]
 
 
-def _measured(plant: Plant, U: np.ndarray, x0: np.ndarray, effect: bool) -> np.ndarray:
-    """States (n_samples, n_states) of the real plant: classical Runge-Kutta, ten steps a sample, inputs held."""
+def _measured(plant: Plant, U: np.ndarray, x0: np.ndarray, effect: bool, joined: bool) -> np.ndarray:
+    """States (n_samples, n_states) of the real plant: classical Runge-Kutta, ten steps a sample, inputs held or joined."""
     steps, x, out = 10, np.array(x0, dtype=float), []
 
     def slope(x: np.ndarray, u: np.ndarray) -> np.ndarray:
@@ -145,13 +147,14 @@ def _measured(plant: Plant, U: np.ndarray, x0: np.ndarray, effect: bool) -> np.n
         return rate + np.array(plant.missing(0.0, x, u, plant.params), dtype=float) if effect else rate
 
     h = plant.dt / steps
-    for u in U:
+    for u, later in zip(U, np.vstack([U[1:], U[-1:]])):
         out.append(x)
-        for _ in range(steps):
-            a = slope(x, u)
-            b = slope(x + 0.5 * h * a, u)
-            c = slope(x + 0.5 * h * b, u)
-            d = slope(x + h * c, u)
+        for k in range(steps):
+            first, middle, last = (u + joined * (k + part) / steps * (later - u) for part in (0.0, 0.5, 1.0))
+            a = slope(x, first)
+            b = slope(x + 0.5 * h * a, middle)
+            c = slope(x + 0.5 * h * b, middle)
+            d = slope(x + h * c, last)
             x = x + h / 6.0 * (a + 2 * b + 2 * c + d)
     return np.array(out)
 
@@ -216,7 +219,10 @@ def make_case(name: str, fault: str, with_effect: bool, seed: int = 0) -> Record
     U = [
         plant.level + plant.amplitude * np.repeat(rng.uniform(-1, 1, ROWS // held), held)[:, None] for _ in range(RUNS)
     ]
-    X = [_measured(plant, u, np.array(plant.x0), with_effect) for u in U]
+    if fault == "hold":  # a signal that moves all the time
+        rows = np.arange(ROWS)
+        U = [np.interp(rows, rows[::held], u[::held, 0])[:, None] for u in U]
+    X = [_measured(plant, u, np.array(plant.x0), with_effect, fault == "hold") for u in U]
     seen = [plant.states.index(output) for output in plant.outputs]
     Y = [x[:, seen] for x in X]
     spread = np.std(np.concatenate(Y), axis=0)

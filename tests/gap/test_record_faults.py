@@ -251,6 +251,31 @@ def test_inputs_written_one_row_late_are_no_effect(plant, effect):
     assert report.verdict == ("explained" if effect else "none")
 
 
+@pytest.mark.parametrize(("plant", "effect"), [("cart", True), ("oven", False)])
+def test_inputs_that_move_between_the_rows_are_no_effect(plant, effect):
+    # Held over the rows they come half a sample late: three effects that do the same were named, or a relaxation with a lead.
+    case = make_case(plant, "hold", effect, 1)
+    early = "hidden_relaxation", "hidden_mode", "hysteresis", "input_lag", "input_delay"
+    diagnoser = diagnosed(case, *early)
+    report = diagnoser.report_
+    assert report.data.kinds == ("hold",) and np.isnan(report.data[0].size)
+    assert (
+        str(report.data[0]).startswith("all inputs: they move between the rows")
+        and 'hold="foh"' in report.data[0].remedy
+    )
+    assert [effect.name for effect in report.effects] == (["coulomb_friction"] if effect else [])
+    assert report.verdict == ("explained" if effect else "none")
+    assert diagnoser.augmented_.hold == "foh" and case.simulator.hold == "zoh"
+    case = replace(case, simulator=diagnoser.augmented_)
+    again = diagnosed(case, *early).report_
+    assert (again.verdict, again.effects, again.data.kinds) == ("none", [], ())
+
+
+def test_inputs_that_are_held_stay_held():
+    report = diagnosed(make_case("motor", "nothing", True)).report_
+    assert report.data.kinds == ()
+
+
 @pytest.mark.parametrize(
     ("values", "said", "way_out"),
     [([-2.0, -2.0], "come 2 samples before", "X[2:] with y[:-2]"), ([0.0, 3.0], "come 3 samples after", "one clock"),

@@ -11,7 +11,7 @@ import numpy as np
 
 from sksurrogate.gap.faults._corrections import BaseFault, Names, NoisyInput
 from sksurrogate.gap.faults._fault_left import Alternative, fault_left, tone_left
-from sksurrogate.gap.faults._late_inputs import MOST_SINGLES, inputs_late
+from sksurrogate.gap.faults._input_timing import MOST_SINGLES, JoinedInputs, input_timing
 from sksurrogate.gap.faults._wrong_readings import outlying_beside, wrong_readings
 from sksurrogate.gap.fit._backend import BaseCandidate
 from sksurrogate.gap.fit._closeness import AT_THE_NOISE, SETTLED
@@ -92,9 +92,11 @@ class RecordBook:
         if self.closed or self.depth >= MOST_ROUNDS:
             return self
         if final.effects or final.left > AT_THE_NOISE:
-            late = inputs_late(search, len(self.raw.starts))
-            if late is not None:
-                return self.with_fault(late, SETTLED)  # a shift is exact: with it the names come to the noise
+            timing = input_timing(search, len(self.raw.starts))
+            if isinstance(timing, JoinedInputs):  # their noise is another one, in whose units the names may leave more
+                return self.with_fault(timing, np.inf, search.score(final.candidate))
+            if timing is not None:
+                return self.with_fault(timing, SETTLED)  # a shift is exact: with it the names come to the noise
         odd = outlying_beside(final, search.fitted_null.candidate)
         if odd is not None:
             return self.with_fault(replace(odd, rows=rows[odd.rows]), np.inf)

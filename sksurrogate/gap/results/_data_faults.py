@@ -20,19 +20,19 @@ class DataFault:
 
     Attributes
     ----------
-    kind : {"spikes", "dropouts", "stuck", "shift", "offset", "gain", "hum", "input_noise"}
+    kind : {"spikes", "dropouts", "stuck", "shift", "offset", "gain", "hum", "input_noise", "hold"}
         Single wrong readings; readings that fall to one value; a sensor that repeats one value; a run whose outputs are
         earlier or later than its inputs; an offset or a scale of a sensor that differs from run to run; a tone on a sensor;
-        noise in the measurement of an input.
+        noise in the measurement of an input; inputs that move between the rows where the simulator holds them.
     location : str or None
-        The output or input; None where all outputs are concerned.
+        The output or input; None where all outputs, or all inputs, are concerned.
     side : {"output", "input"}
     runs : tuple
         Labels of the runs that have the fault.
     rows : tuple of int
         Rows of X and y that are wrong, counted from 0; empty if whole runs are wrong.
     size : float
-        Largest deviation in the unit of the signal; a shift in samples, a gain as a relative error.
+        Largest deviation in the unit of the signal; a shift in samples, a gain as a relative error; nan where there is none.
     share : float
         Share of the power of the gap between the simulator and the unchanged record.
     values : mapping
@@ -70,7 +70,12 @@ class DataFault:
     def found(self) -> str:
         """Place, fault and share of the gap."""
         share = "" if np.isnan(self.share) else f"; {100 * self.share:.0f} % of the gap"
-        return f"{self.location or 'all outputs'}: {self.what}{share}."
+        return f"{self.place}: {self.what}{share}."
+
+    @property
+    def place(self) -> str:
+        """The output or input in words."""
+        return self.location or f"all {self.side}s"
 
     @property
     def what(self) -> str:
@@ -89,6 +94,7 @@ class DataFault:
             "offset": f"an offset of {single} in {where}",
             "gain": f"a gain error of {100 * self.size:.3g} % in {where}",
             "hum": f"a tone of amplitude {size} in {where}",
+            "hold": f"they move between the rows, and the simulator holds them, in {where}",
             "input_noise": f"the measurement of this input is noisy (standard deviation {size}) in {where}",
         }[self.kind]
 
@@ -128,7 +134,7 @@ class DataFaults:
         """All faults in words; empty where there are none."""
         out, left = (
             "; ".join(
-                f"{one.location or 'all outputs'}: {one.what}"
+                f"{one.place}: {one.what}"
                 + ("" if taken or np.isnan(one.share) else f", {100 * one.share:.0f} % of the gap")
                 for one in self.entries
                 if one.taken_out is taken

@@ -71,7 +71,8 @@ def _driver(model: AugmentedModel, x: np.ndarray) -> tuple[np.ndarray, np.ndarra
     ends = np.r_[record.starts[1:], record.n_samples] - 1
     later = np.r_[v[1:], v[-1]]
     later[ends] = v[ends]
-    change = later - v if drivers[0][0] else np.zeros_like(v)  # an input is held
+    moves = drivers[0][0] or record.order_of_inputs(model.plant.hold)
+    change = later - v if moves else np.zeros_like(v)  # an input is held
     share = (np.arange(n_sub) + 0.5)[:, None] / n_sub
     mean = (v + share * change)[:, None, None]
     half = np.broadcast_to(change / (2 * n_sub), (n_sub, len(v)))[:, None, None]

@@ -114,7 +114,7 @@ def drivers_at(base: OdeCandidate, channel: Channel, changes: Sequence[float]) -
     else:
         signals = {**states, **inputs}
         past = _past(record, signals) if kind == "state" else {}
-        held = set(plant.inputs) if plant.hold == "zoh" else set()
+        held = set() if record.order_of_inputs(plant.hold) else set(plant.inputs)
     now = {**signals, **{name: z for name, (z, _) in past.items()}}
     ends = {name: z if name in held else at_end(record, z[None])[0] for name, z in now.items()} if states else None
     return Drivers(channel, now, {name: c for name, (_, c) in past.items()}, ends, plant.inputs, changes)

@@ -55,7 +55,7 @@ def in_all_places(base: OdeCandidate) -> Iterator[PlacedSignal]:
     moved = partial(response, D)
     x = base.fit.x[: len(plant.states)]
     signals, names = np.concatenate([x, record.u]), [*plant.states, *plant.inputs]
-    held = set(plant.inputs) if plant.hold == "zoh" else set()
+    held = set() if record.order_of_inputs(plant.hold) else set(plant.inputs)
     raw = list(laws(record, signals, names, plant.inputs))
     of_signals = [
         law if law.signals[0] in held else law._replace(functions=over_sample(record, law.functions)) for law in raw
