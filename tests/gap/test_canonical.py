@@ -107,5 +107,18 @@ def test_the_simplest_member_of_a_class_stands(named, other, same, known, stands
     its_class = EquivalenceClass(
         0, [Twin(SimpleNamespace(effects=[twin]), same)], SimpleNamespace(effects=[effect]) if known else None
     )
-    found = _first_twin(its_class, effect, ())
+    search = SimpleNamespace(positions=(), is_far=lambda candidate: False)
+    found = _first_twin(search, SimpleNamespace(candidate=None), its_class, effect)
     assert (found is not None and found.effect is twin) == stands
+
+
+@pytest.mark.parametrize(("more", "stands"), [(1.0, True), (300.0, False)])
+def test_far_from_the_data_a_simpler_member_must_come_as_near(more, stands):
+    # A delay took the place of a battery's diffusion by likelihood, and left a fifth more.
+    slow, late = CATALOGUE["hidden_relaxation"]("voltage", "current"), CATALOGUE["input_delay"]("current")
+    sizes = {"rich": -1000.0, "simple": -1000.0 - more}
+    search = SimpleNamespace(positions=(), is_far=lambda one: True, size_score=lambda one: sizes[one.label])
+    twin = Twin(SimpleNamespace(effects=[late], label="simple"), False)
+    its_class = EquivalenceClass(0, [twin], SimpleNamespace(effects=[slow]))
+    found = _first_twin(search, SimpleNamespace(candidate=SimpleNamespace(label="rich")), its_class, slow)
+    assert (found is twin) == stands

@@ -17,6 +17,7 @@ from sksurrogate.gap.fit._backend import BaseCandidate
 from sksurrogate.gap.fit._evidence import FEW_STEPS, C, Evidence, estimate_noise, judged_under
 from sksurrogate.gap.search._base import EQUAL, BaseSearch
 from sksurrogate.gap.search._nested import richer
+from sksurrogate.gap.search._related_forms import as_good
 
 #: Candidates further than this under the final noise are not judged under their own; nor are more than this many.
 MAY_CATCH_UP, MOST_JUDGED = 40.0, 8
@@ -159,7 +160,7 @@ def canonical_classes(search: BaseSearch[C], posterior: Posterior) -> tuple[list
     kept = list(posterior.probabilities)
     for own in final.effects:
         i = [effect.key for effect in final.effects].index(own.key)
-        twin = _first_twin(classes[i], own, search.positions)
+        twin = _first_twin(search, final, classes[i], own)
         first = None if twin is None else _beside_the_others(search, final, i, twin.candidate)
         if twin is None or first is None:
             continue
@@ -176,17 +177,26 @@ def canonical_classes(search: BaseSearch[C], posterior: Posterior) -> tuple[list
     return classes, replace(posterior, probabilities=tuple(kept))
 
 
-def _first_twin(its_class: EquivalenceClass[C], own: BaseEffect, positions: Collection[str]) -> Twin[C] | None:
-    """The twin that comes before the named effect: an exact one, or one with fewer parameters. None where that is the first itself."""
+def _first_twin(
+    search: BaseSearch[C], final: Evidence[C], its_class: EquivalenceClass[C], own: BaseEffect
+) -> Twin[C] | None:
+    """The twin that comes before the named effect: an exact one, or one with fewer parameters. None where that is the first itself.
+
+    Far from the data one with fewer parameters must be as good by size.
+    """
 
     def place(twin: Twin[C]) -> tuple[Any, ...]:
-        return rank(twin.effect, positions)
+        return rank(twin.effect, search.positions)
 
-    before, size = rank(own, positions), len(own.parameters)
+    def is_simpler(twin: Twin[C]) -> bool:
+        far = search.is_far(final.candidate)
+        return len(twin.effect.parameters) < size and (not far or as_good(search, twin.candidate, final.candidate))
+
+    before, size = rank(own, search.positions), len(own.parameters)
     ahead = [
         twin
         for twin in its_class.twins
-        if (twin.same and its_class.own is not None and place(twin) < before) or len(twin.effect.parameters) < size
+        if (twin.same and its_class.own is not None and place(twin) < before) or is_simpler(twin)
     ]
     return min(ahead, key=place, default=None)
 
