@@ -34,7 +34,7 @@ from sksurrogate.gap.fit._known_parameters import KnownParameters
 from sksurrogate.gap.fit._neighbours import is_near
 from sksurrogate.gap.fit._ode import OdeBackend, OdeCandidate
 from sksurrogate.gap.fit._other_unit import other_unit
-from sksurrogate.gap.fit._record_parts import SEARCHED_SAMPLES, excerpt
+from sksurrogate.gap.fit._record_parts import excerpt, searched_samples
 from sksurrogate.gap.fit._rounding import rounds_a_display
 from sksurrogate.gap.fit._trajectory import TrajectoryBackend, TrajectoryCandidate
 from sksurrogate.gap.fit._unstable import UNSTABLE_NOTE, followed_rows, in_pieces, largest_growth
@@ -79,7 +79,8 @@ class Task:
 def begin_ode(task: Task) -> DiagnosisPipeline[OdeCandidate]:
     """Of a simulator with a right-hand side or a step."""
     plant, whole, diagnoser = task.plant, task.whole, task.diagnoser
-    record, rows = excerpt(whole, SEARCHED_SAMPLES)
+    searched = searched_samples(len(whole.y))
+    record, rows = excerpt(whole, searched)
     model = PlantModel(plant)
     model.probe(record.u[:, 0])
     _say_slow(model, record)
@@ -93,14 +94,14 @@ def begin_ode(task: Task) -> DiagnosisPipeline[OdeCandidate]:
         if rows_that_jump(problem, smoothed.x).any():
             path = smoothed.x if len(rows) == whole.n_samples else build(whole)[1].x
             whole = whole.cut(starts_behind(rows_that_jump(replace(problem, record=whole), path), whole.starts))
-            record, rows = excerpt(whole, SEARCHED_SAMPLES)
+            record, rows = excerpt(whole, searched)
             problem, smoothed = build(record, path=path[:, rows])
             pieces.append(JUMPS_NOTE.format(n=len(whole.starts) - len(task.labels)))
         most = largest_growth(problem.sd, record.spread)
         length = followed_rows(smoothed.A, problem.scale, record.starts, most)
         if length is not None:
             whole = in_pieces(whole, length)
-            record, rows = excerpt(whole, SEARCHED_SAMPLES)
+            record, rows = excerpt(whole, searched)
             problem, smoothed = build(record)
             pieces.append(UNSTABLE_NOTE.format(rows=int(whole.lengths.max())))
     fixed = diagnoser.simulator, plant, model, record, *library

@@ -8,12 +8,23 @@ import numpy as np
 
 from sksurrogate.kernels.record import Record
 
-#: Candidates are compared on at most this many samples: what more of them could tell apart is below any practical bar.
-SEARCHED_SAMPLES = 9_000
+#: Candidates are compared on at most this many readings, or samples: what more of them could tell apart is below any practical bar.
+SEARCHED_READINGS, SEARCHED_SAMPLES = 18_000, 9_000
+#: But on as many samples at least, however many outputs there are.
+FEWEST_SEARCHED = 3_000
 #: The candidate that won is fitted again on at most this many.
 FITTED_SAMPLES = 60_000
 #: Samples of a piece that is cut out of a long run.
 PIECE = 1_500
+
+
+def searched_samples(n_outputs: int) -> int:
+    """Samples that candidates are compared on: time and memory go with the readings.
+
+    >>> [searched_samples(n) for n in (1, 2, 4, 12)]
+    [9000, 9000, 4500, 3000]
+    """
+    return min(max(SEARCHED_READINGS // n_outputs, FEWEST_SEARCHED), SEARCHED_SAMPLES)
 
 
 def excerpt(record: Record, most: int) -> tuple[Record, np.ndarray]:
