@@ -146,7 +146,7 @@ class LugreFriction(HiddenEffect):
 class HiddenRelaxation(HiddenEffect):
     """A slow companion, such as a wall or creep: ``- c (v - z), dz/dt = (v - z)/time_constant``.
 
-    Driven by an input it is the slow part of what this input does (the diffusion of a battery's cell): c has either sign then.
+    Driven by an input it is the slow part of what this input does (the diffusion of a battery's cell): c has the sign of its gain.
     """
 
     name = "hidden_relaxation"
@@ -188,14 +188,18 @@ class HiddenRelaxation(HiddenEffect):
 
     def plausible(self, theta: Sequence[float], probe: Probe) -> bool:
         """The companion is late, and follows within the runs: one that stands still is a loss about where they began."""
-        return WITHIN_SAMPLE * probe.dt < theta[1] < STILL * max(probe.duration, probe.dt)
+        of_its_sign = probe.gain is None or theta[0] * probe.gain > 0.0
+        return of_its_sign and WITHIN_SAMPLE * probe.dt < theta[1] < STILL * max(probe.duration, probe.dt)
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
-        """Time constants over two decades, from two samples to the length of a run."""
+        """Time constants over two decades, from two samples to the length of a run; none where an input does nothing in the balance."""
         assert probe.v is not None
+        if probe.gain == 0.0:
+            return []
         longest = max(probe.duration, 4 * probe.dt)
         times = [k * probe.dt for k in (2.0, 6.0, 20.0, 60.0, 200.0) if k * probe.dt < longest]
-        return [(probe.unit(probe.v - np.mean(probe.v)), time) for time in times]
+        unit = float(np.copysign(probe.unit(probe.v - np.mean(probe.v)), 1.0 if probe.gain is None else probe.gain))
+        return [(unit, time) for time in times]
 
 
 class HiddenMode(HiddenEffect):

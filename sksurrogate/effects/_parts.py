@@ -66,6 +66,8 @@ class Probe:
         An input or a predicted output, and what a unit change of it at every sample would do to the log likelihood.
     feedback : float, optional
         At a port: what a unit of force there changes in dv/dt.
+    gain : float, optional
+        In a balance, of an effect that an input drives: what a unit of this input changes in dx/dt already.
 
     Examples
     --------
@@ -87,6 +89,7 @@ class Probe:
     noise: float = 0.0
     slope: tuple[np.ndarray, np.ndarray] | None = None
     feedback: float | None = None
+    gain: float | None = None
 
     def unit(self, form: np.ndarray) -> float:
         """Size of a coefficient that makes ``c * form`` a tenth of the derivative."""

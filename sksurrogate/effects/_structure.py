@@ -23,7 +23,7 @@ CONSTANT = 1e-3
 SMEARED, WITHIN_STEP = 1e-3, 0.7
 #: Least share of |cosine| from which two columns of gains are the same column but for a factor.
 PARALLEL = 1.0 - 1e-6
-#: Largest gains of the models that were asked for them.
+#: Gains of the models that were asked for them.
 _KNOWN: weakref.WeakKeyDictionary[PlantModel, np.ndarray] = weakref.WeakKeyDictionary()
 
 
@@ -153,9 +153,19 @@ def rate_gains(model: PlantModel) -> np.ndarray:
 
 
 def largest_gains(model: PlantModel) -> np.ndarray:
-    """Largest size of :func:`rate_gains` over the points, (n_states, n_ports); computed once for a model."""
+    """Largest size of :func:`rate_gains` over the points, (n_states, n_ports)."""
+    return np.asarray(np.max(np.abs(_known_gains(model)), axis=2, initial=0.0))
+
+
+def mean_gains(model: PlantModel) -> np.ndarray:
+    """Mean of :func:`rate_gains` over the points, (n_states, n_ports)."""
+    return np.asarray(np.mean(_known_gains(model), axis=2))
+
+
+def _known_gains(model: PlantModel) -> np.ndarray:
+    """:func:`rate_gains`, 0 where there are none; computed once for a model."""
     if model not in _KNOWN:
-        _KNOWN[model] = np.max(np.nan_to_num(np.abs(rate_gains(model))), axis=2, initial=0.0)
+        _KNOWN[model] = np.nan_to_num(rate_gains(model))
     return _KNOWN[model]
 
 

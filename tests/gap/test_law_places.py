@@ -14,6 +14,7 @@ from sksurrogate.gap.unnamed._along_a_path import as_regressors
 from sksurrogate.gap.unnamed._law_evidence import LawQuestion, law_beside, law_names
 from sksurrogate.gap.unnamed._law_places import in_all_places
 from sksurrogate.gap.unnamed._law_shapes import PLAYS, SLEWS, followers, laws, of_time, over_sample, surfaces
+from sksurrogate.gap.unnamed._ode_channels import OdeChannels
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics import ODESimulator
 from sksurrogate.physics._model import PlantModel
@@ -103,6 +104,25 @@ def test_a_law_of_a_sensor_has_one_name_beside_every_set():
     places = [law_names(laws).index(name._replace(form=0)) for laws in beside]
     assert places[0] > places[1]
     assert all(laws[k].kind == "output" for laws, k in zip(beside, places))
+
+
+def test_a_signal_is_followed_beside_an_effect_with_a_state_of_its_own():
+    """The equations of the simulator take its own states apart: those of the effect are not given to them."""
+
+    def rhs(t, x, u, p):
+        (level,) = x
+        return (u[0] - p["k"] * level,)
+
+    tank = ODESimulator(rhs, states=["level"], inputs=["flow"], outputs=["level"], params={"k": 0.5}, dt=DT)
+    rng = np.random.default_rng(4)
+    U = [np.repeat(rng.uniform(0.2, 1.5, N // 10), 10)[:, None] for _ in range(RUNS)]
+    Y = [y + NOISE * rng.normal(size=y.shape) for y in (tank.simulate(u) for u in U)]
+    record = Record.from_runs(U, Y, [DT * np.arange(N)] * RUNS, DT)
+    problem, smoothed = build_problem(PlantModel(describe(tank)), record, (), ("level",))
+    slow = CATALOGUE["hidden_relaxation"]("level", "flow"), np.array([0.1, 2.0])
+    channel = OdeChannels(fitted(problem, smoothed.x, slow).candidate).at("level", "state")
+    assert channel is not None and set(channel.signals) >= {"level", "flow"}
+    assert not problem.model.raised
 
 
 def test_a_law_of_two_signals_is_told_in_its_balance():

@@ -10,6 +10,7 @@ import numpy as np
 from sksurrogate.effects._base_effect import BaseEffect
 from sksurrogate.effects._parts import Probe
 from sksurrogate.effects._ports import at_port
+from sksurrogate.effects._structure import mean_gains
 from sksurrogate.effects._wires import beside
 
 #: Of a kind of place and its name the signal there and the slope of the log likelihood in it, each (n_samples,); None where none is
@@ -35,7 +36,7 @@ def probe_of(
     if effect.variable:
         factors = tuple(signal(name) for name in effect.variable.split("*"))
         v = np.prod(factors, axis=0)
-    where, rate, feedback = np.zeros(record.n_samples), 0.0, None
+    where, rate, feedback, gain = np.zeros(record.n_samples), 0.0, None, None
     if at_port(effect, plant):
         model, port = problem.augmented((effect,)), plant.ports.index(str(effect.location))
         rate, feedback = problem.port_rate(str(effect.location)), model.wires[0].feedback
@@ -43,6 +44,8 @@ def probe_of(
     elif effect.kind == "state":
         place = plant.states.index(str(effect.location))
         where, rate = x[place], float(rates[place])
+        if effect.variable in plant.inputs:
+            gain = float(mean_gains(problem.model)[place, plant.ports.index(effect.variable)])
     elif effect.kind in ("input", "output"):
         where = signal(str(effect.location))
         v = where if v is None else v
@@ -50,4 +53,4 @@ def probe_of(
     noise = float(problem.sd[plant.outputs.index(str(effect.location))]) if effect.kind == "output" else 0.0
     slope = None if slopes is None else slopes(effect.kind, str(effect.location))
     pair = factors if len(factors) == 2 else ()
-    return Probe(v, where, rate, record.dt, duration, record.starts, pair, noise, slope, feedback)
+    return Probe(v, where, rate, record.dt, duration, record.starts, pair, noise, slope, feedback, gain)

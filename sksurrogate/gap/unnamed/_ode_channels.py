@@ -81,7 +81,8 @@ def _about(
     push = B[:, 0] if sensor is None else None
     signals = problem.signals_along(x)
     wanted = [location] if kind == "parameter" else []
-    signals |= {f"flow of {one.parameter}": one.flow for one in elements_along(problem.model, record, x, wanted)}
+    elements = elements_along(problem.model, record, x[: len(plant.states)], wanted)  # without states of effects
+    signals |= {f"flow of {one.parameter}": one.flow for one in elements}
     return (
         Channel(location, kind, record, D, noise, linear, push, sensor, unit, held, signals, value, x, len(soft)),
         lin.x,
