@@ -198,7 +198,7 @@ class Record:
 
     def order_of_inputs(self, hold: str) -> int:
         """Between rows inputs are constant (0) or straight (1); ``hold``: what the simulator does with them."""
-        return 1 if self.joined or hold == "foh" else 0
+        return 0 if hold == "zoh" and not self.joined else 1
 
     def back(self, k: int) -> np.ndarray:
         """Row k samples before each, or the first of its run."""

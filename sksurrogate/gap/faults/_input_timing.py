@@ -54,7 +54,7 @@ class _Retimed:
 
     timing: BaseFault
     model: BaseCandidate
-    score: float
+    gain: float  #: Nats by which it is likelier than what was named
 
     @property
     def n_parameters(self) -> int:
@@ -77,16 +77,16 @@ def input_timing(search: BaseSearch[Any], n_runs: int) -> BaseFault | None:
         return None
     doubtful = named.left > AT_THE_NOISE or len(named.effects) > 1
     models = [search.fitted_null.candidate, named.candidate, *(search.first_round[:MOST_SINGLES] if doubtful else [])]
-    own, n = search.score(named.candidate), named.candidate.n_parameters
+    n = named.candidate.n_parameters
     likelier = [
         one
         for model in models
         for one in _retimed(model, search, n_runs)
-        if one.score > own + (0.0 if one.n_parameters < n else 0.5 * CERTAIN)
+        if one.gain > (0.0 if one.n_parameters < n else 0.5 * CERTAIN)
     ]
     nearest = min((_size(one.model) for one in likelier), default=np.inf)
     near = [one for one in likelier if _size(one.model) <= SETTLED**2 * nearest]
-    best = min(near, key=lambda one: (one.n_parameters, -one.score), default=None)
+    best = min(near, key=lambda one: (one.n_parameters, -one.gain), default=None)
     return None if best is None else best.timing
 
 
@@ -100,11 +100,11 @@ def _retimed(model: BaseCandidate, search: BaseSearch[Any], n_runs: int) -> list
     later, between = _refitted(model, late), _refitted(model, JoinedInputs()) if _can_join(model) else None
     found = []
     if later is not None and _comes_to_noise(later, search):
-        found.append(_Retimed(late, later, _score(later, search)))
+        found.append(_Retimed(late, later, _gain(later, search)))
     if between is not None and _size(between) < min(_size(model), np.inf if later is None else _size(later)):
         gap = max(_size(search.fitted_null.candidate) - 1.0, 1e-300)
         removed = min((_size(model) - _size(between)) / gap, 1.0)
-        found.append(_Retimed(JoinedInputs(removed), between, _score(between, search)))
+        found.append(_Retimed(JoinedInputs(removed), between, _gain(between, search)))
     return found
 
 
@@ -132,9 +132,13 @@ def _comes_to_noise(model: BaseCandidate, search: BaseSearch[Any]) -> bool:
     return is_at_noise(model.fit.cost / near, model.problem.record.n_values)
 
 
-def _score(model: BaseCandidate, search: BaseSearch[Any]) -> float:
-    """As that of a set of effects, the timing being one parameter more."""
-    likelihood = estimate_noise(model, search.standing.noise, max_iterations=FEW_STEPS).log_likelihood
+def _gain(model: BaseCandidate, search: BaseSearch[Any]) -> float:
+    """Nats by which a model is likelier than what was named, the timing being one parameter more; by size far from the data."""
+    named, price = search.standing, 0.5 * float(np.log(search.n_values))
+    if search.is_far(model):
+        return search.size_score(model) - search.size_score(named.candidate) - price
+    likelihood = estimate_noise(model, named.noise, max_iterations=FEW_STEPS).log_likelihood
     # readings that a shift leaves without a cause count as the mean of the others
     likelihood *= search.n_values / model.problem.record.n_values
-    return float(likelihood - 0.5 * search.prior_cost(model) - search.price(model) - 0.5 * np.log(search.n_values))
+    own = likelihood - 0.5 * search.prior_cost(model) - search.price(model) - price
+    return float(own - search.score(named.candidate))
