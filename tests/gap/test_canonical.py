@@ -105,20 +105,21 @@ def test_the_order_of_twins_is_total():
 def test_the_simplest_member_of_a_class_stands(named, other, same, known, stands):
     effect, twin = (CATALOGUE[name]("level", *(["level"] if name == "hidden_mode" else [])) for name in (named, other))
     its_class = EquivalenceClass(
-        0, [Twin(SimpleNamespace(effects=[twin]), same)], SimpleNamespace(effects=[effect]) if known else None
+        0,
+        [Twin(SimpleNamespace(effects=[twin], fit=SimpleNamespace(cost=1.0)), same)],
+        SimpleNamespace(effects=[effect]) if known else None,
     )
     search = SimpleNamespace(positions=(), is_far=lambda candidate: False)
     found = _first_twin(search, SimpleNamespace(candidate=None), its_class, effect)
     assert (found is not None and found.effect is twin) == stands
 
 
-@pytest.mark.parametrize(("more", "stands"), [(1.0, True), (300.0, False)])
-def test_far_from_the_data_a_simpler_member_must_come_as_near(more, stands):
-    # A delay took the place of a battery's diffusion by likelihood, and left a fifth more.
+@pytest.mark.parametrize(("cost", "stands"), [(2000.2, True), (2040.0, False), (99.0, True)])
+def test_far_from_the_data_a_simpler_member_leaves_hardly_more_or_what_is_tolerated(cost, stands):
+    # A delay took the place of a battery's diffusion by likelihood, and left a twentieth of the gap more.
     slow, late = CATALOGUE["hidden_relaxation"]("voltage", "current"), CATALOGUE["input_delay"]("current")
-    sizes = {"rich": -1000.0, "simple": -1000.0 - more}
-    search = SimpleNamespace(positions=(), is_far=lambda one: True, size_score=lambda one: sizes[one.label])
-    twin = Twin(SimpleNamespace(effects=[late], label="simple"), False)
+    search = SimpleNamespace(positions=(), is_far=lambda one: True, gap_cost=1000.0, tolerated_cost=100.0)
+    twin = Twin(SimpleNamespace(effects=[late], fit=SimpleNamespace(cost=cost)), False)
     its_class = EquivalenceClass(0, [twin], SimpleNamespace(effects=[slow]))
-    found = _first_twin(search, SimpleNamespace(candidate=SimpleNamespace(label="rich")), its_class, slow)
-    assert (found is twin) == stands
+    final = SimpleNamespace(candidate=None, fit=SimpleNamespace(cost=2000.0 if cost > 1000.0 else 90.0))
+    assert (_first_twin(search, final, its_class, slow) is twin) == stands

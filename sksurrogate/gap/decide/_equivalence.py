@@ -17,7 +17,7 @@ from sksurrogate.gap.fit._backend import BaseCandidate
 from sksurrogate.gap.fit._evidence import FEW_STEPS, C, Evidence, estimate_noise, judged_under
 from sksurrogate.gap.search._base import EQUAL, BaseSearch
 from sksurrogate.gap.search._nested import richer
-from sksurrogate.gap.search._related_forms import as_good
+from sksurrogate.gap.search._related_forms import hardly_more
 
 #: Candidates further than this under the final noise are not judged under their own; nor are more than this many.
 MAY_CATCH_UP, MOST_JUDGED = 40.0, 8
@@ -182,15 +182,16 @@ def _first_twin(
 ) -> Twin[C] | None:
     """The twin that comes before the named effect: an exact one, or one with fewer parameters. None where that is the first itself.
 
-    Far from the data one with fewer parameters must be as good by size.
+    Far from the data one with fewer parameters must leave hardly more of the gap, or no more than the tolerance.
     """
+    far = search.is_far(final.candidate)
+    most = max(hardly_more(final.fit.cost, search.gap_cost), search.tolerated_cost) if far else np.inf
 
     def place(twin: Twin[C]) -> tuple[Any, ...]:
         return rank(twin.effect, search.positions)
 
     def is_simpler(twin: Twin[C]) -> bool:
-        far = search.is_far(final.candidate)
-        return len(twin.effect.parameters) < size and (not far or as_good(search, twin.candidate, final.candidate))
+        return len(twin.effect.parameters) < size and twin.candidate.fit.cost <= most
 
     before, size = rank(own, search.positions), len(own.parameters)
     ahead = [

@@ -108,12 +108,12 @@ def hardly_more(cost: float, gap: float) -> float:
     return cost + HARDLY_ANY * gap
 
 
-def most_left(search: BaseSearch[C], rich: C) -> float:
+def most_left(search: SetMoves[C], rich: C) -> float:
     """Cost up to which a simpler form leaves hardly more of the gap."""
     return hardly_more(rich.fit.cost, search.retuned_gap_cost)
 
 
-def as_good(search: BaseSearch[C], simple: C, rich: C) -> bool:
+def as_good(search: SetMoves[C], simple: C, rich: C) -> bool:
     """Whether a simpler form does as well: hardly more gap left, or far from the data no evidence by size."""
     if search.is_far(rich):
         return 2.0 * (search.size_score(rich) - search.size_score(simple)) < EQUAL
