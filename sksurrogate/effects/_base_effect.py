@@ -78,6 +78,11 @@ class BaseEffect(PriorOdds, BaseEstimator):
         """``(name, location, variable)``."""
         return self.name, self.location, self.variable
 
+    @property
+    def at_rest(self) -> bool:
+        """Whether its memory, where it has one, begins every run at rest."""
+        return True
+
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
         """Starting values, a tuple of all parameters each; empty where these data cannot show the effect (a limit at rest)."""
         return [tuple(parameter.null for parameter in self.parameters)]

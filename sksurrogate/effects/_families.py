@@ -178,8 +178,6 @@ class HiddenEffect(BalanceEffect):
 
     n_hidden: ClassVar[int] = 1
     rarity = 10.0
-    #: Whether the hidden initial state is fitted with the others (a filter that may not have been at rest) or known.
-    free_start: ClassVar[bool] = False
     linear = False
 
     def rest(self, v: np.ndarray, theta: Sequence[Any]) -> Sequence[Any]:

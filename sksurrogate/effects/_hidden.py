@@ -147,6 +147,9 @@ class HiddenRelaxation(HiddenEffect):
     """A slow companion, such as a wall or creep: ``- c (v - z), dz/dt = (v - z)/time_constant``.
 
     Driven by an input it is the slow part of what this input does (the diffusion of a battery's cell): c has the sign of its gain.
+
+    ``settled``: whether the companion begins every run at rest, ``z(0) = v(0)``, as in simulations; else the diagnosis fits where it
+        began.
     """
 
     name = "hidden_relaxation"
@@ -162,6 +165,15 @@ class HiddenRelaxation(HiddenEffect):
     twins = ("exchange", "linear_loss", "hidden_mode", "sensor_lag", "input_lag")
     nests = ("linear_loss",)
     linear = True
+
+    def __init__(self, location: str | None = None, variable: str | None = None, settled: bool = True):
+        super().__init__(location, variable)
+        self.settled = settled
+
+    @property
+    def at_rest(self) -> bool:
+        """As ``settled`` says."""
+        return self.settled
 
     def either_sign(self, inputs: Collection[str]) -> bool:
         """Of an input, whose sign is a convention."""

@@ -203,6 +203,11 @@ class RememberingActuator(InputEffect):
         super().__init__(location, variable)
         self.before = before
 
+    @property
+    def at_rest(self) -> bool:
+        """At the first value of its input."""
+        return self.before is None
+
 
 def within_runs(effect: BaseEffect, whole: np.ndarray) -> Any:
     """The effect where some runs are pieces from within a recorded one: what was before the run was not before these.

@@ -148,7 +148,7 @@ class AugmentedModel:
         """Which initial states are unknown: all nominal ones, and hidden ones that need not have been at rest."""
         known = np.ones(self.n_states, dtype=bool)
         for i, rows in self._hidden.items():
-            known[rows] = getattr(self.effects[i], "free_start", False)
+            known[rows] = not self.effects[i].at_rest
         return known
 
     @property

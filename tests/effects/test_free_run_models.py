@@ -87,7 +87,7 @@ def test_what_is_laid_out_again_is_not_stored():
 class Settling(CATALOGUE["hidden_relaxation"]):
     """One whose own state begins anywhere."""
 
-    free_start = True
+    at_rest = False
 
 
 class Preloaded(CATALOGUE["hidden_relaxation"]):

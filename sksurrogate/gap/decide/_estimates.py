@@ -56,6 +56,7 @@ def estimates(search: BaseSearch[C], final: Evidence[C], found: PartialResults, 
                 at_port(effect, search.problem.plant),
                 simpler=_plain(others.simpler),
                 before=getattr(effect, "before", None),
+                settled=getattr(effect, "settled", True),
             )
         )
     return out

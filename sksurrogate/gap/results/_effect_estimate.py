@@ -43,6 +43,8 @@ class EffectEstimate:
     before : float or None
         Of an actuator that remembers: the input before every run, as 0 where the runs begin with a step from rest; None: the value
         of their first rows.
+    settled : bool
+        Whether its memory began every run at rest. False for a relaxation that the diagnosis found elsewhere; ``augmented_`` begins it at rest.
 
     Examples
     --------
@@ -66,6 +68,7 @@ class EffectEstimate:
     runs: tuple[Any, ...] | None = None
     simpler: list[tuple[str, str, str | None]] = field(default_factory=list)
     before: float | None = None
+    settled: bool = True
 
     def __str__(self) -> str:
         driver = f" in {self.variable}" if self.variable else ""
@@ -73,14 +76,15 @@ class EffectEstimate:
 
 
 def circumstances(effect: EffectEstimate) -> str:
-    """The runs in which it acts, where these are not all; the input before them, where it is not that of their first rows.
+    """The runs in which it acts, where these are not all; where its memory began, where that is not at rest.
 
     >>> circumstances(EffectEstimate("input_lag", "u", None, 1.0, {}, {}, 1.0, runs=("a", "c"), before=0.0))
     ", in runs 'a', 'c', from 0 before every run"
     """
     runs = effect.runs
     where = "" if runs is None else f", in {'run' if len(runs) == 1 else 'runs'} {', '.join(map(repr, runs))}"
-    return where + ("" if effect.before is None else f", from {effect.before:g} before every run")
+    began = "" if effect.settled else ", not at rest where the runs begin"
+    return where + (began if effect.before is None else f", from {effect.before:g} before every run")
 
 
 def values_of(effect: EffectEstimate) -> str:

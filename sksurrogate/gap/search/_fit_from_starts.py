@@ -157,22 +157,22 @@ def best_starts(starts: Sequence[Start], n_white: int, n_forced: int, n_values: 
 
     Of an effect whose prediction jumps three starts that lie apart: neighbours lead to one value.
     """
-    by_key: dict = {}
+    by_effect: dict = {}
     if not starts:
         return []
     for start in starts:
-        by_key.setdefault(start.effect.key, []).append(start)
-    for group in by_key.values():
+        by_effect.setdefault((*start.effect.key, start.effect.at_rest), []).append(start)
+    for group in by_effect.values():
         group.sort(key=lambda s: (not s.evident, -s.white))
-    white = first_places({key: max(s.white for s in group) for key, group in by_key.items()}, n_white)
-    forced = first_places({key: max(s.forced for s in group) for key, group in by_key.items()}, n_forced)
+    white = first_places({key: max(s.white for s in group) for key, group in by_effect.items()}, n_white)
+    forced = first_places({key: max(s.forced for s in group) for key, group in by_effect.items()}, n_forced)
     least = max(min(s.left for s in starts), 1.0 * n_values)
-    hopeful = [key for rank, key in enumerate(white) if rank < 6 or by_key[key][0].left < LEAVES_TOO_MUCH * least]
-    evident = [key for key in by_key if by_key[key][0].evident]
+    hopeful = [key for rank, key in enumerate(white) if rank < 6 or by_effect[key][0].left < LEAVES_TOO_MUCH * least]
+    evident = [key for key in by_effect if by_effect[key][0].evident]
     chosen = list(dict.fromkeys([*evident, *hopeful, *forced]))
     out = []
     for key in chosen:
-        group = by_key[key]
+        group = by_effect[key]
         if group[0].effect.scan(tuple(group[0].theta)):
             out.append(apart(group, MOST_APART))
             continue

@@ -23,7 +23,7 @@ def simplify(search: SetMoves[C], candidate: C, far: bool = False) -> C:
     """
     if search.is_far(candidate) and not far:
         return candidate
-    candidate = from_first_values(search, candidate)
+    candidate = from_rest(search, candidate)
     for i, effect in enumerate(candidate.effects):
         shapes = effect.simpler(tuple(candidate.theta_of(i)))
         for name in (*effect.nests, *shapes):
@@ -41,10 +41,10 @@ def simplify(search: SetMoves[C], candidate: C, far: bool = False) -> C:
     return candidate
 
 
-def from_first_values(search: SetMoves[C], candidate: C) -> C:
-    """A set whose actuators begin at the first value of their input, where the data do not tell that they were elsewhere before a run."""
+def from_rest(search: SetMoves[C], candidate: C) -> C:
+    """A set whose memories begin at rest, where the data do not tell that they were elsewhere before a run."""
     for i, effect in enumerate(candidate.effects):
-        plain = [e for e in search.library if e.key == effect.key and has_before(effect) and not has_before(e)]
+        plain = [e for e in search.library if e.key == effect.key and e.at_rest and not effect.at_rest]
         base = search.without(candidate, i) if plain else None
         if base is None:
             continue
@@ -52,13 +52,8 @@ def from_first_values(search: SetMoves[C], candidate: C) -> C:
         for one in search.ranked([other], base) if other is not None else ():
             fitted = search.polish(one)
             if search.score(fitted) > search.score(candidate):
-                return from_first_values(search, fitted)
+                return from_rest(search, fitted)
     return candidate
-
-
-def has_before(effect: BaseEffect) -> bool:
-    """Whether an actuator's input was elsewhere before a run than at its first value."""
-    return getattr(effect, "before", None) is not None
 
 
 def with_fewer_parameters(search: SetMoves[C], best: C, most: float) -> list[C]:
