@@ -15,6 +15,9 @@ from sksurrogate.effects._stribeck_curve import larger_at_rest, stribeck_curve
 #: A companion with a time constant of so many of the longest runs moves by a quarter of the way in them: its pull is that of
 #: a loss. True ones follow within a run, those in the place of other laws were found at 5 runs to 1e20.
 STILL = 4.0
+#: One that did not begin at rest forgets where it began within the longest run: so many time constants leave a twentieth. Else its start
+#: is a constant of the run.
+FORGETS = 3.0
 #: A mode rings where a sample is less than half a period. (One that follows within a sample only adds to the inertia.)
 RINGS = np.pi
 #: A spring with a limit of so many times the way that v goes from the start of a run yields by a tenth at most: it is a loss.
@@ -201,7 +204,8 @@ class HiddenRelaxation(HiddenEffect):
     def plausible(self, theta: Sequence[float], probe: Probe) -> bool:
         """The companion is late, and follows within the runs: one that stands still is a loss about where they began."""
         of_its_sign = probe.gain is None or theta[0] * probe.gain > 0.0
-        return of_its_sign and WITHIN_SAMPLE * probe.dt < theta[1] < STILL * max(probe.duration, probe.dt)
+        slowest = (STILL if self.settled else 1.0 / FORGETS) * max(probe.duration, probe.dt)
+        return of_its_sign and WITHIN_SAMPLE * probe.dt < theta[1] < slowest
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
         """Time constants over two decades, from two samples to the length of a run; none where an input does nothing in the balance."""

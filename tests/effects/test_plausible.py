@@ -48,6 +48,17 @@ def at(name):
     return effect("k", *["v"] * (name == "parameter_dependence")) if effect.kind == "parameter" else effect("v", "v")
 
 
+@pytest.mark.parametrize(("settled", "time_constant", "plausible"), [
+    (True, 30.0, True), (True, 50.0, False),  # four runs of 10
+    (False, 3.0, True), (False, 5.0, False),  # a start that is not forgotten within the runs is a constant of the run
+])  # fmt: skip
+def test_a_companion_that_did_not_begin_at_rest_forgets_where_it_began(settled, time_constant, plausible):
+    t = np.arange(0.0, 10.0, 0.1)
+    probe = Probe(v=np.sin(t), x=np.sin(t), rate=1.0, dt=0.1, duration=10.0, starts=np.array([0]))
+    effect = CATALOGUE["hidden_relaxation"]("v", "v", settled=settled)
+    assert effect.plausible((1.0, time_constant), probe) == plausible
+
+
 @pytest.mark.parametrize(("name", "theta"), SAID.items())
 def test_an_effect_that_the_data_show_is_plausible(name, theta):
     assert at(name).plausible(theta, PROBE)
