@@ -104,11 +104,10 @@ class GapDiagnoser(BaseEstimator):
     -----
     A candidate's evidence is the likelihood of its own output-error fit, initial states unknown in every run, under its own
     noise: white sensor noise, coloured forces in the balances, coloured sensor noise. ``T = 2 (L - L_null)`` must exceed
-    ``k ln N + 2 ln M`` for k parameters, N measured values and M candidates. With more than 9000 samples
-    (18000 readings of all outputs, but 3000 samples), candidates are compared on pieces of the record, and the named effects are
-    fitted again on up to 60000 samples. With more than six states,
-    effects and laws are first tried with signals that their balance sees along the data, or that see it; effects of distant
-    signals follow where more than 1.5 times the noise is left.
+    ``k ln N + 2 ln M`` for k parameters, N measured values and M candidates. A record of more than 9000 samples,
+    or of more than 3000 with over 18000 readings of all outputs, is searched in pieces, and the named effects are fitted again on
+    up to 60000 samples. With more than six states, effects and laws are first tried with signals that their balance sees along the
+    data, or that see it; effects of distant signals follow where more than 1.5 times the noise is left.
 
     References
     ----------

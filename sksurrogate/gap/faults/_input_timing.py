@@ -72,16 +72,17 @@ def input_timing(search: BaseSearch[Any], n_runs: int) -> BaseFault | None:
 
     ``n_runs``: of the whole record.
     """
-    record, named = search.fitted_null.candidate.problem.record, search.standing
+    null, named = search.fitted_null.candidate, search.standing
+    record = null.problem.record
     if np.array_equal(record.u, record.u[:, record.back(1)]):
         return None
     doubtful = named.left > AT_THE_NOISE or len(named.effects) > 1
-    models = [search.fitted_null.candidate, named.candidate, *(search.first_round[:MOST_SINGLES] if doubtful else [])]
-    n = named.candidate.n_parameters
+    models = [null, named.candidate, *(search.first_round[:MOST_SINGLES] if doubtful else [])]
+    n, can_join = named.candidate.n_parameters, _can_join(null)
     likelier = [
         one
         for model in models
-        for one in _retimed(model, search, n_runs)
+        for one in _retimed(model, search, n_runs, can_join)
         if one.gain > (0.0 if one.n_parameters < n else 0.5 * CERTAIN)
     ]
     nearest = min((_size(one.model) for one in likelier), default=np.inf)
@@ -90,14 +91,14 @@ def input_timing(search: BaseSearch[Any], n_runs: int) -> BaseFault | None:
     return None if best is None else best.timing
 
 
-def _retimed(model: BaseCandidate, search: BaseSearch[Any], n_runs: int) -> list[_Retimed]:
+def _retimed(model: BaseCandidate, search: BaseSearch[Any], n_runs: int, can_join: bool) -> list[_Retimed]:
     """A model with inputs a row earlier, and with joined ones, which come half a row earlier.
 
     A plant that reacts faster than its simulator prefers earlier inputs, too. So inputs a row earlier must lead to the noise, and joined
     ones must leave less than both of the others.
     """
     late = Shifts(None, np.full(n_runs, -1))
-    later, between = _refitted(model, late), _refitted(model, JoinedInputs()) if _can_join(model) else None
+    later, between = _refitted(model, late), _refitted(model, JoinedInputs()) if can_join else None
     found = []
     if later is not None and _comes_to_noise(later, search):
         found.append(_Retimed(late, later, _gain(later, search)))
