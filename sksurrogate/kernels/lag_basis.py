@@ -119,5 +119,5 @@ class BasisLoss(FreeRunLoss):
         for j in range(o):
             right[: basis.shape[1], j, :, j] = basis.T
             right[basis.shape[1] :, j, :, j] = 1.0
-        found, _ = solve_band(model.band(phi, len(y)), right.reshape(-1, n * o).T)
+        found, _ = solve_band(model.band(phi, len(y)), right.reshape(-1, n * o).T, in_place=True)
         return found.reshape(len(y), n // len(y), o, -1)

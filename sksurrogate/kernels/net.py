@@ -77,14 +77,16 @@ class Net:
             found.append((w @ found[-1]) * slope(kind, value))
         return found[::-1]
 
-    def by_theta(self, x: np.ndarray, values: list[np.ndarray], backs: list[np.ndarray]) -> np.ndarray:
-        """Slopes of one output by the weights, (n_theta, n_rows); x is scaled, (n_features, n_rows)."""
-        n_rows = x.shape[1]
-        parts = []
+    def by_theta(self, x: np.ndarray, values: list[np.ndarray], backs: list[np.ndarray], out: np.ndarray) -> None:
+        """Slopes of one output by the weights into ``out`` (n_theta, n_rows); x is scaled, (n_features, n_rows)."""
+        place = 0
         for below, back in zip([x, *values[:-1]], backs):
-            parts.append((below[:, None] * back[None]).reshape(-1, n_rows))
-        parts += [np.broadcast_to(back, (len(back), n_rows)) for back in backs]
-        return np.concatenate(parts)
+            for row in below:
+                np.multiply(row, back, out=out[place : place + len(back)])
+                place += len(back)
+        for back in backs:
+            out[place : place + len(back)] = back
+            place += len(back)
 
 
 def activate(kind: str, z: np.ndarray) -> np.ndarray:

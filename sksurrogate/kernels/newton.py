@@ -65,9 +65,12 @@ def fill_band(band: np.ndarray, lags: Sequence[int], slopes: np.ndarray, j: int)
             np.negative(slopes[k * o + i, :, lag:], out=band[:, : max(n - lag, 0), i, lag * o + j - i])
 
 
-def solve_band(band: np.ndarray, rest: np.ndarray, transposed: str = "N") -> tuple[np.ndarray, int]:
-    """Solution of the unit lower banded system, (n_rows, n_right)."""
-    return dtbtrs(band.reshape(-1, band.shape[-1]).T, rest, uplo="L", diag="U", trans=transposed)
+def solve_band(
+    band: np.ndarray, rest: np.ndarray, transposed: str = "N", *, in_place: bool = False
+) -> tuple[np.ndarray, int]:
+    """Solution of the unit lower banded system, (n_rows, n_right); ``in_place``: a ``rest`` in Fortran order is lost."""
+    lower = band.reshape(-1, band.shape[-1]).T
+    return dtbtrs(lower, rest, uplo="L", diag="U", trans=transposed, overwrite_b=in_place)
 
 
 def _band_at(model: LagNet, U: np.ndarray, y: np.ndarray, n_first: int) -> tuple:
@@ -98,8 +101,8 @@ def sensitivities(model: LagNet, U: np.ndarray, y: np.ndarray, n_first: int) -> 
     n_runs, n, o, _ = band.shape
     right = np.empty((model.net.theta.size, n_runs * n, o))
     for j in range(o):
-        right[:, :, j] = model.net.by_theta(x, values, backs[j])
-    found, _ = solve_band(band, right.reshape(len(right), -1).T)
+        model.net.by_theta(x, values, backs[j], right[:, :, j])
+    found, _ = solve_band(band, right.reshape(len(right), -1).T, in_place=True)
     return found.reshape(n_runs, n, o, -1)
 
 

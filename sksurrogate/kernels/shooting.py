@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
 
+from sksurrogate.kernels.geodesic import PROBE, bent, second_order
 from sksurrogate.kernels.net import LagNet
 from sksurrogate.kernels.newton import adjoint_gradient, newton_runs, sensitivities
 from sksurrogate.kernels.rollout import known_sums, runs_at_once
@@ -138,30 +139,35 @@ def descend(
     value = loss.value(model, y)
     damping, penalty, slow = 1e-3, loss.penalty(model), 0
     for _ in range(max_iter if np.isfinite(value) else 0):
-        J = loss.jacobian(model, y).reshape(-1, model.theta.size)
+        J, e = loss.jacobian(model, y).reshape(-1, model.theta.size), loss.errors(y).ravel()
         theta = model.theta
         normal = J.T @ J
         normal[np.diag_indices_from(normal)] += penalty
-        gradient = J.T @ loss.errors(y).ravel() + penalty * theta
+        gradient = J.T @ e + penalty * theta
         if not np.all(np.isfinite(normal)):
             break
         size = np.maximum(np.diag(normal), 1e-9 * np.diag(normal).max() + 1e-300)
         before = value
-        for _ in range(14):
+        for trial_number in range(14):
             try:
-                move = cho_solve(cho_factor(normal + damping * np.diag(size)), gradient)
+                factor = cho_factor(normal + damping * np.diag(size))
             except LinAlgError:
                 damping *= 8
                 continue
-            trial = model.at(theta - move)
+            step = -cho_solve(factor, gradient)
+            probed = loss.errors(loss.run(model.at(theta + PROBE * step), y, 1e-9)).ravel()
+            correction = -cho_solve(factor, J.T @ second_order(e, probed, J @ step), check_finite=False)
+            trial = model.at(theta + bent(step, correction, size))
             y_trial = loss.run(trial, y)
             new = loss.value(trial, y_trial)
             if new < value:
-                gain = (value - new) / max(move @ (gradient + damping * size * move), 1e-300)
+                gain = (value - new) / max(step @ (damping * size * step - gradient), 1e-300)
                 model, value, y = trial, new, y_trial
-                damping = max(damping * (0.1 if gain > 0.75 else 0.5 if gain > 0.25 else 2.0), 1e-12)
+                # a damping that has just failed fails again as a rule
+                lower = 0.2 if gain > 0.75 and not trial_number else 0.5 if gain > 0.25 else 2.0
+                damping = max(damping * lower, 1e-12)
                 break
-            damping *= 5
+            damping *= 3
         slow = slow + 1 if before - value <= tol * before else 0
         if slow >= 2 or value >= before:
             break
