@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 
 from sksurrogate.compose._left_out import LeftOut
-from sksurrogate.compose._support import CLEARLY_CLOSED, SHARES, Support, block_powers, supported
+from sksurrogate.compose._support import SHARES, Support, block_powers, supported
 
 #: Reach of a correction beyond its data, as a share of their range: hardly any, and as much again.
 SHORTEST, LONGEST = 0.1, 1.0
-#: A correction that leaves at most this share of the error of every left-out block follows the plant, not the data: it reaches
-#: as far as any.
-HALVED = 0.5
+#: A correction that leaves at most the first share of the squared error of every left-out block follows the plant, not the data: it
+#: reaches as far as any. At most the second, half of the error: one block that went far is enough to let it go as far.
+FOLLOWS, HALVES = 0.1, 0.25
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,9 +64,7 @@ def keep_supported(
     ``correction``: its ``keep`` is called.
     ``inputs, measured`` (n_samples, n_inputs | n_outputs): the training runs.
     ``names``: of the outputs.
-    ``fade``: None: ``LONGEST`` where the correction halves the error of every left-out block at least, or surely removes more than
-        half of the squared error and more than with the shorter reach; else as far as left-out blocks have tested it,
-        :func:`supported_reach`.
+    ``fade``: None: as far as left-out blocks have tested it, :func:`reaches`.
     """
     o = measured[0].shape[1]
     left_out = LeftOut(correction, inputs, measured)
@@ -77,10 +75,10 @@ def keep_supported(
         return CorrectionReport(np.zeros(o), correction.domain.fade, nothing, nothing, nothing, 0.0, 0.0, 0, _TOO_SHORT)
     size = np.maximum(np.std(np.concatenate(measured), axis=0), 1e-300)
     judged = _judged_inside if correction.inside else _judged_outside
-    best = judged(left_out, LONGEST if fade is None else fade, size)
-    if fade is None and best.worst > HALVED**2:
-        near = judged(left_out, supported_reach(left_out.departures(correction)), size)
-        best = best if best.sure > max(near.closed, CLEARLY_CLOSED) else near
+    for farthest, most_left in reaches(left_out.departures(correction)) if fade is None else [(fade, np.inf)]:
+        best = judged(left_out, farthest, size)
+        if best.worst <= most_left:
+            break
     place = [int(np.argmin(np.abs(best.factors - support.factor))) for support in best.supports]
     kept = best.factors[place]
     changed = np.any(kept < 1.0) or best.fade != correction.domain.fade
@@ -116,25 +114,22 @@ class _Judged:
         """Gain, mean over outputs."""
         return float(np.mean([support.closed for support in self.supports]))
 
-    @property
-    def sure(self) -> float:
-        """What of it is sure, mean over outputs."""
-        return float(np.mean([support.sure for support in self.supports]))
 
+def reaches(departures: np.ndarray) -> list[tuple[float, float]]:
+    """How far a correction may act beyond its data, and what it may leave for that of every left-out block; farthest first.
 
-def supported_reach(departures: np.ndarray) -> float:
-    """How far a correction acts beyond its data: as far as two left-out blocks at least have gone beyond theirs.
-
-    Farther out there are no data, and one block does not show how the errors vary from block to block.
+    As far as two left-out blocks have gone beyond the data of the others: one block does not show how errors vary from block to
+    block. As far as one has gone where the error of every block is halved at least. Farther out there are no data: only a
+    correction that follows the plant may act there.
 
     ``departures`` (n_blocks,): see :meth:`LeftOut.departures`.
 
     >>> import numpy as np
-    >>> supported_reach(np.array([0.0, 0.4, 0.2, 0.0]))
-    0.2
+    >>> reaches(np.array([0.0, 0.4, 0.2, 0.0]))
+    [(1.0, 0.1), (0.4, 0.25), (0.2, inf)]
     """
-    second = np.sort(departures)[-2] if len(departures) > 1 else 0.0
-    return float(np.clip(second, SHORTEST, LONGEST))
+    second, first = np.clip(np.sort(np.append(departures, [0.0, 0.0]))[-2:], SHORTEST, LONGEST).tolist()
+    return [(LONGEST, FOLLOWS), (first, HALVES), (second, np.inf)]
 
 
 def _judged_outside(left_out: LeftOut, fade: float, size: np.ndarray) -> _Judged:

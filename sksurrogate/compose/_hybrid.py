@@ -67,8 +67,8 @@ class HybridRegressor(RegressorMixin, BaseEstimator):
     fade : float or "evidence", default="evidence"
         Share of the range of a feature in the training data by which it may leave it before the correction fades and
         the physics is left alone; ``inf``: never. "evidence": as far as two left-out runs (blocks) have gone beyond
-        the others, between 0.1 and 1; 1 where the correction halves the error of every left-out run (block), or surely
-        removes more than half of the squared error and more than with the shorter reach.
+        the others, between 0.1 and 1; as far as one has, where the correction halves the error of every left-out run
+        (block); 1 where it removes nine tenths of the squared error of every one.
     warm_start : bool, default=False
         Whether ``fit`` goes on from the correction of the last call (default residual).
     random_state : int, RandomState or None, default=0
