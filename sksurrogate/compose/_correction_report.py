@@ -13,9 +13,9 @@ from sksurrogate.compose._support import SHARES, Support, block_powers, supporte
 
 #: Reach of a correction beyond its data, as a share of their range: hardly any, and as much again.
 SHORTEST, LONGEST = 0.1, 1.0
-#: A correction that leaves at most the first share of the squared error of every left-out block follows the plant, not the data: it
-#: reaches as far as any. At most the second, half of the error: one block that went far is enough to let it go as far.
-FOLLOWS, HALVES = 0.1, 0.25
+#: Shares of the squared error of every left-out block that a correction may leave. With the first it follows the plant, not the data,
+#: and reaches as far as any; with the second, half of the error, it reaches as far as one block went.
+LEFT_ANYWHERE, LEFT_ONCE = 0.1, 0.25
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +64,7 @@ def keep_supported(
     ``correction``: its ``keep`` is called.
     ``inputs, measured`` (n_samples, n_inputs | n_outputs): the training runs.
     ``names``: of the outputs.
-    ``fade``: None: as far as left-out blocks have tested it, :func:`reaches`.
+    ``fade``: None: the first of :func:`reaches` whose condition the correction meets.
     """
     o = measured[0].shape[1]
     left_out = LeftOut(correction, inputs, measured)
@@ -75,8 +75,8 @@ def keep_supported(
         return CorrectionReport(np.zeros(o), correction.domain.fade, nothing, nothing, nothing, 0.0, 0.0, 0, _TOO_SHORT)
     size = np.maximum(np.std(np.concatenate(measured), axis=0), 1e-300)
     judged = _judged_inside if correction.inside else _judged_outside
-    for farthest, most_left in reaches(left_out.departures(correction)) if fade is None else [(fade, np.inf)]:
-        best = judged(left_out, farthest, size)
+    for reach_beyond, most_left in reaches(left_out.departures(correction)) if fade is None else [(fade, np.inf)]:
+        best = judged(left_out, reach_beyond, size)
         if best.worst <= most_left:
             break
     place = [int(np.argmin(np.abs(best.factors - support.factor))) for support in best.supports]
@@ -116,11 +116,11 @@ class _Judged:
 
 
 def reaches(departures: np.ndarray) -> list[tuple[float, float]]:
-    """How far a correction may act beyond its data, and what it may leave for that of every left-out block; farthest first.
+    """Reaches of a correction beyond its data, farthest first, each with the share of a block's squared error that it may leave.
 
-    As far as two left-out blocks have gone beyond the data of the others: one block does not show how errors vary from block to
-    block. As far as one has gone where the error of every block is halved at least. Farther out there are no data: only a
-    correction that follows the plant may act there.
+    As far as two left-out blocks have gone beyond the data of the others, a correction may act in any case: one block does not
+    show how errors vary from block to block. As far as one has gone, it must halve the error of every block. Farther out there
+    are no data, and only a correction that follows the plant may act.
 
     ``departures`` (n_blocks,): see :meth:`LeftOut.departures`.
 
@@ -129,7 +129,8 @@ def reaches(departures: np.ndarray) -> list[tuple[float, float]]:
     [(1.0, 0.1), (0.4, 0.25), (0.2, inf)]
     """
     second, first = np.clip(np.sort(np.append(departures, [0.0, 0.0]))[-2:], SHORTEST, LONGEST).tolist()
-    return [(LONGEST, FOLLOWS), (first, HALVES), (second, np.inf)]
+    # of equal reaches the least strict condition stands
+    return list({LONGEST: LEFT_ANYWHERE, first: LEFT_ONCE, second: np.inf}.items())
 
 
 def _judged_outside(left_out: LeftOut, fade: float, size: np.ndarray) -> _Judged:

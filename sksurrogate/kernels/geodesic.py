@@ -13,7 +13,7 @@ import numpy as np
 #: Part of the step at which the bend is measured: a smaller one drowns in rounding, a larger one holds third orders.
 PROBE = 0.1
 #: Twice the correction over the step, above which the two no longer describe the path (Transtrum and Sethna's value).
-MOST_BENT = 0.75
+CORRECTION_OVER_STEP = 0.75
 
 
 def second_order(e: np.ndarray, probed: np.ndarray, straight: np.ndarray) -> np.ndarray:
@@ -40,5 +40,5 @@ def bent(step: np.ndarray, correction: np.ndarray, size: np.ndarray) -> np.ndarr
     >>> bent(np.array([1.0, 0.0]), np.array([0.0, 0.2]), np.ones(2))
     array([1. , 0.1])
     """
-    small = 2.0 * np.sqrt(correction @ (size * correction)) <= MOST_BENT * np.sqrt(step @ (size * step))
+    small = 2.0 * np.sqrt(correction @ (size * correction)) <= CORRECTION_OVER_STEP * np.sqrt(step @ (size * step))
     return step + 0.5 * correction if small else step

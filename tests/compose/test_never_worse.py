@@ -97,7 +97,8 @@ def test_a_correction_reaches_as_far_as_two_left_out_runs_have_gone_beyond_the_o
     assert exact.report_.fade == 1.0  # it leaves nothing of any run: it follows the plant
     inf = np.inf
     assert reaches(np.array([0.7, 0.0, 0.0])) == [(1.0, 0.1), (0.7, 0.25), (0.1, inf)]
-    assert reaches(np.array([9.0, 7.0, 0.0])) == [(1.0, 0.1), (1.0, 0.25), (1.0, inf)]
+    assert reaches(np.array([9.0, 0.5, 0.0])) == [(1.0, 0.25), (0.5, inf)]
+    assert reaches(np.array([9.0, 7.0, 0.0])) == [(1.0, inf)]
     assert reaches(np.array([0.4])) == [(1.0, 0.1), (0.4, 0.25), (0.1, inf)]
 
 
@@ -121,9 +122,8 @@ def test_a_run_that_starts_outside_the_measured_outputs_is_the_simulators():
     """Twice the reach outside a share of 1 / e of the correction is left, far outside nothing."""
     X, groups = np.random.default_rng(0).uniform(size=(180, 1)), np.repeat(np.arange(3), 60)
     y = X[:, 0] + 0.3
-    hybrid = HybridRegressor(CallableSimulator(identity), LinearRegression(), "static", fade=1.0).fit(
-        X, y, groups=groups
-    )
+    hybrid = HybridRegressor(CallableSimulator(identity), LinearRegression(), "static").fit(X, y, groups=groups)
+    assert hybrid.report_.fade == 1.0
     for beyond, left in ((0.0, 1.0), (1.0, 1.0), (2.0, np.exp(-1.0)), (9.0, 0.0)):
         first = np.full((5, 1), y.max() + beyond * np.ptp(y))
         added = hybrid.predict(X[:60], y0=first)[5:] - X[5:60, 0]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sksurrogate.kernels.geodesic import MOST_BENT, PROBE, bent, second_order
+from sksurrogate.kernels.geodesic import CORRECTION_OVER_STEP, PROBE, bent, second_order
 
 
 def errors(theta):
@@ -17,7 +17,7 @@ def slopes(theta, h=1e-5):
     return np.stack([(errors(theta + h * d) - errors(theta - h * d)) / (2 * h) for d in np.eye(2)], axis=1)
 
 
-def test_the_second_derivative_along_a_step_is_that_of_a_parabola_and_of_second_differences():
+def test_the_second_derivative_along_a_step_is_that_of_second_differences():
     theta, v = np.array([0.3, -0.7]), np.array([0.02, 0.05])
     h = 1e-3
     differences = (errors(theta + h * v) - 2 * errors(theta) + errors(theta - h * v)) / h**2
@@ -42,7 +42,7 @@ def test_the_bent_path_keeps_the_promise_of_its_slopes_one_order_longer():
 
 def test_a_correction_too_large_for_its_step_is_left_out():
     step, size = np.array([1.0, 0.0]), np.array([1.0, 4.0])
-    small, large = (np.array([0.0, factor * MOST_BENT / 4]) for factor in (0.99, 1.01))
+    small, large = (np.array([0.0, factor * CORRECTION_OVER_STEP / 4]) for factor in (0.99, 1.01))
     np.testing.assert_allclose(bent(step, small, size), step + small / 2)
     np.testing.assert_array_equal(bent(step, large, size), step)
     np.testing.assert_array_equal(bent(step, np.array([np.nan, 0.0]), size), step)  # the probe ran away
