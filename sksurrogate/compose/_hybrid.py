@@ -63,7 +63,8 @@ class HybridRegressor(RegressorMixin, BaseEstimator):
         With "dynamics": the states whose derivative is corrected; by default all whose balance is not an identity such
         as ``dq/dt = v``.
     shrinkage : float, default=1e-2
-        Penalty of the default residual, and of a linear model inside the plant: how much evidence a correction needs.
+        Penalty with which the nets of the default residual begin (every second one a hundred times as strong) until the
+        evidence sets it; penalty of a linear model inside the plant: how much evidence a correction needs.
     fade : float or "evidence", default="evidence"
         Share of the range of a feature in the training data by which it may leave it before the correction fades and
         the physics is left alone; ``inf``: never. "evidence": as far as two left-out runs (blocks) have gone beyond

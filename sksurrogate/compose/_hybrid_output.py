@@ -18,11 +18,12 @@ from sksurrogate.compose._left_out import Piece
 from sksurrogate.compose._linear_end import has_intercept
 from sksurrogate.compose._network import agrees
 from sksurrogate.compose._plant_path import training_substeps
-from sksurrogate.compose._residual import FreeRunResidual
-from sksurrogate.compose._residual_fit import cut, features, levenberg_marquardt, roll, shooting, without_bias
+from sksurrogate.compose._residual import LONGEST_STRETCH, FreeRunResidual
+from sksurrogate.compose._residual_fit import FreeRunCorrection, cut, features, roll
 from sksurrogate.compose._skip_net import SkipNet, as_skip_net, write_back
 from sksurrogate.compose._starts import Starts, fitted_starts, plain_starts
 from sksurrogate.exceptions import DataError
+from sksurrogate.kernels.shooting import levenberg_marquardt
 from sksurrogate.physics._model import PlantModel
 from sksurrogate.physics._simulator import describe, recorded, simulated, simulated_batch
 
@@ -293,15 +294,13 @@ class OutputCorrection:
                 'residual, a linear model, an MLPRegressor with one tanh or logistic layer (also behind a scaler), or loss="one_step".'
             )
         model = getattr(self.fitted, "steps", [(0, self.fitted)])[-1][1]
-        penalised = np.concatenate([np.ones(net.skip.size + net.hidden.size), np.zeros(net.hidden_bias.size), np.ones(net.out.size), np.zeros(net.bias.size)])  # fmt: skip
-        penalty = penalised * max(float(getattr(model, "alpha", 0.0)), 1e-10)
-        free = cut(known, deviation, self.n_lags, 200, 4000)
-        frozen = net.theta * (0.0 if net.hidden.size == 0 else 1.0)
-        if net.hidden.size:
-            penalty[: net.skip.size] = 1e12  # the net has no linear part: it stays at zero
-        prior = np.where(penalty > 1e11, frozen, 0.0)
-        errors = shooting(free) if has_intercept(self.fitted) else without_bias(shooting(free), self.n_outputs)
-        net, _ = levenberg_marquardt(net, errors, penalty, prior, 60, 1e-6)
+        penalty = np.where(net.groups >= 0, max(float(getattr(model, "alpha", 0.0)), 1e-10), 0.0)
+        held = np.zeros(net.theta.size, bool)
+        held[: net.skip.size] = net.hidden.size > 0  # a network has no linear part
+        held[-self.n_outputs :] = not has_intercept(self.fitted)
+        free = cut(known, deviation, self.n_lags, LONGEST_STRETCH, 4000)
+        loss = FreeRunCorrection(free, np.where(held, 0.0, penalty), np.zeros(net.theta.size), held)
+        net, _ = levenberg_marquardt(loss, net, 60, 1e-6)
         write_back(self.fitted, net)
         self.net = net
 

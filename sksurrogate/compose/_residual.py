@@ -3,19 +3,44 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from sklearn.base import BaseEstimator
 from sklearn.utils import check_random_state
 
-from sksurrogate.compose._residual_fit import Pieces, cut, features, levenberg_marquardt, one_step, roll, shooting
+from sksurrogate.compose._residual_fit import (
+    CorrectionLoss,
+    FreeRunCorrection,
+    OneStepCorrection,
+    Pieces,
+    cut,
+    features,
+    roll,
+    weighed,
+)
 from sksurrogate.compose._skip_net import SkipNet, merged
+from sksurrogate.kernels.shooting import levenberg_marquardt
 
 #: Steps of a piece that is run freely while the nets learn.
 LONGEST_STRETCH = 200
 #: Work of one Levenberg-Marquardt step, rows * parameters^2; more rows than this allows are thinned.
 WORK = 6e7
+#: Steps after the penalty is weighed.
+WEIGHED_STEPS = 5
+#: Every second map begins with a penalty so many times as strong: from a weak one the evidence finds corrections of noise
+#: and model errors, from a strong one it follows what is certain (a plant without noise).
+STRONGER = 100.0
+
+
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """A map, the penalty of its numbers, and what it pulls to."""
+
+    net: SkipNet
+    penalty: np.ndarray  #: (n_theta,)
+    prior: np.ndarray  #: (n_theta,)
 
 
 class FreeRunResidual(BaseEstimator):
@@ -23,7 +48,7 @@ class FreeRunResidual(BaseEstimator):
 
     ``hidden``: tanh units of each map.
     ``n_starts``: maps; the ones that follow runs left out best are kept.
-    ``alpha``: penalty on the tanh layer, as a share of the variance of one step's increments.
+    ``alpha``: first penalty on the tanh layer, as a share of the variance of one step's increments; the evidence sets the last.
     ``decay``: weight of a lag relative to the lag before it: older values must explain more to be used.
     ``loss`` {"shooting", "one_step"}.
     ``max_iter``: Levenberg-Marquardt steps of each map.
@@ -76,22 +101,10 @@ class FreeRunResidual(BaseEstimator):
             return cut([known[r] for r in chosen], [deviation[r] for r in chosen], n_lags, LONGEST_STRETCH, most)
 
         taught, judged, whole = pieces(pupils), pieces(judges), pieces(everything)
-        ranked = []
         starts = self._starts(taught, weight)
-        for net, penalty, prior in starts:
-            if len(starts) == 1:  # nothing to choose
-                ranked.append((0.0, net, penalty, prior))
-                break
-            net = self._learn(net, taught, penalty, prior, self.max_iter)
-            error, _ = shooting(judged)(net, False)
-            mean = float(np.mean(error**2))
-            ranked.append((mean if np.isfinite(mean) else np.inf, net, penalty, prior))
-        ranked.sort(key=lambda entry: entry[0])
-        good = [entry for entry in ranked if np.isfinite(entry[0]) and entry[0] <= 4.0 * ranked[0][0]] or ranked[:1]
-        self._penalties = [(penalty, prior) for _, _, penalty, prior in good]
-        nets = [net for _, net, _, _ in good]
-        steps = 15 if len(starts) > 1 else self.max_iter
-        self._settle([self._learn(n, whole, p, q, steps) for n, (p, q) in zip(nets, self._penalties)], judged)
+        if len(starts) > 1:
+            starts = self._best([self._learn(start, taught) for start in starts], judged)
+        self._settle([self._learn(start, whole) for start in starts], judged)
         return self
 
     def go_on(self, known: Sequence[np.ndarray], deviation: Sequence[np.ndarray]) -> FreeRunResidual:
@@ -99,8 +112,7 @@ class FreeRunResidual(BaseEstimator):
         size = self.members_[0].theta.size
         most = int(np.clip(WORK / (self.n_outputs_ * size**2), 300, 2000))
         whole = cut(known, deviation, self.n_lags_, LONGEST_STRETCH, most)
-        nets = [self._learn(n, whole, p, q, self.max_iter) for n, (p, q) in zip(self.members_, self._penalties)]
-        self._settle(nets, whole)
+        self._settle([self._learn(one, whole) for one in self._fits], whole)
         return self
 
     def predict(self, X: Any) -> np.ndarray:
@@ -108,22 +120,37 @@ class FreeRunResidual(BaseEstimator):
         found = self.net_(np.asarray(X, dtype=float))
         return found[:, 0] if self.n_outputs_ == 1 else found
 
-    def _learn(self, net: SkipNet, pieces: Pieces, penalty: np.ndarray, prior: np.ndarray, max_iter: int) -> SkipNet:
-        """One step ahead first, then through the free run."""
-        net, _ = levenberg_marquardt(net, one_step(pieces), penalty, prior, 10, 1e-3)
+    def _learn(self, one: _Fit, pieces: Pieces) -> _Fit:
+        """One step ahead first, then through the free run; near the end the evidence weighs the penalty."""
+        loss: CorrectionLoss = OneStepCorrection(pieces, one.penalty, one.prior)
+        net, _ = levenberg_marquardt(loss, one.net, 10, 1e-3)
         if self.loss == "shooting":
-            net, _ = levenberg_marquardt(net, shooting(pieces), penalty, prior, max_iter, 1e-4)
-        return net
+            loss = FreeRunCorrection(pieces, one.penalty, one.prior)
+            net, _ = levenberg_marquardt(loss, net, self.max_iter - WEIGHED_STEPS, 1e-4)
+        loss = replace(loss, weight=weighed(loss, net))
+        net, _ = levenberg_marquardt(loss, net, WEIGHED_STEPS, 1e-4)
+        return _Fit(net, loss.weight, one.prior)
 
-    def _settle(self, nets: list[SkipNet], judged: Pieces) -> None:
+    @staticmethod
+    def _best(fits: list[_Fit], judged: Pieces) -> list[_Fit]:
+        """Those whose squared error on runs that taught nobody is at most four times the least, best first."""
+        errors = []
+        for one in fits:
+            loss = FreeRunCorrection(judged, one.penalty, one.prior)
+            with np.errstate(over="ignore", invalid="ignore"):
+                errors.append(np.mean(loss.errors(loss.run(one.net)) ** 2))
+        error = np.where(np.isfinite(errors), errors, np.inf)
+        return [fits[k] for k in np.argsort(error, kind="stable") if error[k] <= 4.0 * error.min()]
+
+    def _settle(self, fits: list[_Fit], judged: Pieces) -> None:
         """Keep the maps, and their mean where it runs freely without growing."""
-        self.members_ = nets
-        self.net_ = merged(nets)
+        nets = [one.net for one in fits]
+        self._fits, self.members_, self.net_ = fits, nets, merged(nets)
         if not np.all(np.isfinite(roll(self.net_, judged.known, np.nan_to_num(judged.first)))):
-            self.net_, self.members_ = nets[0].raw(), nets[:1]
+            self._fits, self.members_, self.net_ = fits[:1], nets[:1], nets[0].raw()
 
-    def _starts(self, pieces: Pieces, weight: np.ndarray) -> list[tuple[SkipNet, np.ndarray, np.ndarray]]:
-        """Random tanh layers with the rest by ridge; penalties; and what the penalties pull to: the last deviation kept."""
+    def _starts(self, pieces: Pieces, weight: np.ndarray) -> list[_Fit]:
+        """Random tanh layers with the rest by ridge. The penalties pull to the last deviation kept; first ones take turns."""
         rng, n, o = check_random_state(self.random_state), pieces.n_lags, pieces.target.shape[2]
         phi = features(pieces.target, pieces.known, n)
         wanted = pieces.target[n:].reshape(-1, o)
@@ -140,7 +167,8 @@ class FreeRunResidual(BaseEstimator):
         increments = wanted - (z @ kept + mean[:o])
         variance = float(increments.var()) + 1e-300
         found = []
-        for _ in range(max(self.n_starts, 1)):
+        for k in range(max(self.n_starts, 1)):
+            alpha = self.alpha * STRONGER ** (k % 2)
             hidden = rng.normal(size=(len(weight), self.n_hidden_)) / np.sqrt(np.sum(weight**2))
             bias = 0.7 * rng.normal(size=self.n_hidden_)
             basis = np.concatenate([z, np.tanh(z @ hidden + bias), np.ones((len(z), 1))], axis=1)
@@ -148,15 +176,8 @@ class FreeRunResidual(BaseEstimator):
             coef = np.linalg.solve(normal, basis.T @ increments)
             m = len(weight)
             net = SkipNet(mean, scale, kept + coef[:m], hidden, bias, coef[m:-1], coef[-1] + mean[:o])
-            penalty = np.concatenate(
-                [
-                    np.full(m * o, 1e-3),
-                    np.full(hidden.size, self.alpha * variance),
-                    np.zeros(self.n_hidden_),
-                    np.full(self.n_hidden_ * o, self.alpha),
-                    np.zeros(o),
-                ]
-            )
+            first = np.array([1e-3, alpha * variance, alpha, 0.0])  # the last for biases, whose group is -1
+            penalty = first[net.groups]
             prior = np.concatenate([kept.ravel(), np.zeros(net.theta.size - m * o)])
-            found.append((net, penalty, prior))
+            found.append(_Fit(net, penalty, prior))
         return found

@@ -1,14 +1,18 @@
-"""Fits of a correction through its own free run: pieces of runs at once, exact slopes, Levenberg-Marquardt."""
+"""Losses of a correction, one step ahead and through its own free run: pieces of runs at once, exact slopes, penalties."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from scipy.linalg.lapack import dtbtrs
+
+from sksurrogate.compose._skip_net import SkipNet
+from sksurrogate.kernels.evidence import weigh
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,22 +54,25 @@ def features(y: np.ndarray, known: np.ndarray, n_lags: int) -> np.ndarray:
     return np.concatenate([*(y[n_lags - k : n - k] for k in range(1, n_lags + 1)), known[n_lags:]], axis=2)
 
 
-def roll(net: Any, known: np.ndarray, first: np.ndarray) -> np.ndarray:
-    """Free runs of a :class:`SkipNet`, all at once: (n_steps, n_pieces, n_outputs)."""
+def roll(net: SkipNet, known: np.ndarray, first: np.ndarray) -> np.ndarray:
+    """Free runs, all at once: (n_steps, n_pieces, n_outputs)."""
     raw, n_lags, o = net.raw(), len(first), first.shape[2]
+    steps, pieces = known.shape[:2]
     past, units = n_lags * o, raw.hidden.shape[1]
     by_past = np.concatenate([raw.hidden[:past], raw.skip[:past]], axis=1)
     sums = np.concatenate([known @ raw.hidden[past:] + raw.hidden_bias, known @ raw.skip[past:] + raw.bias], axis=2)
-    y = np.empty((len(known), *first.shape[1:]))
+    # newest first: the past of a row is one slice
+    newest_first = np.empty((pieces, steps * o))
+    y = newest_first.reshape(pieces, steps, o)[:, ::-1].transpose(1, 0, 2)
     y[:n_lags] = first
-    window = first[::-1].transpose(1, 0, 2).reshape(first.shape[1], past).copy()
+    z, h = np.empty((pieces, units + o)), np.empty((pieces, units))
     with np.errstate(all="ignore"):
-        for t in range(n_lags, len(known)):
-            z = window @ by_past
+        for t in range(n_lags, steps):
+            row = (steps - t) * o
+            np.matmul(newest_first[:, row : row + past], by_past, out=z)
             z += sums[t]
-            y[t] = np.tanh(z[:, :units]) @ raw.out + z[:, units:]
-            window[:, o:] = window[:, :-o].copy()
-            window[:, :o] = y[t]
+            np.tanh(z[:, :units], out=h)
+            np.add(h @ raw.out, z[:, units:], out=newest_first[:, row - o : row])
     return y
 
 
@@ -86,93 +93,109 @@ def sensitivities(by_phi: np.ndarray, by_theta: np.ndarray, n_lags: int) -> np.n
     return out
 
 
-Residual = Callable[[Any, bool], tuple[np.ndarray, Any]]
+@dataclass(frozen=True, eq=False)
+class CorrectionLoss(ABC):
+    """``sum e^2 + sum penalty_i (theta_i - prior_i)^2`` of a correction."""
 
+    pieces: Pieces
+    weight: np.ndarray  #: (n_theta,): penalty of every number
+    prior: np.ndarray  #: (n_theta,): what the penalty pulls to
+    held: np.ndarray | None = None  #: bool (n_theta,): numbers that stay as they are
 
-def shooting(pieces: Pieces) -> Residual:
-    """Errors of the free run and, where asked for, their slopes."""
-    n, (steps, count, o) = pieces.n_lags, pieces.target.shape
-    wanted = pieces.target[n:]
-    there = np.isfinite(wanted)
-    filled = np.where(there, wanted, 0.0)
-    first = np.nan_to_num(pieces.first)
+    @abstractmethod
+    def run(self, net: SkipNet, guess: np.ndarray | None = None, rtol: float = 0.0) -> np.ndarray:
+        """What the correction gives."""
 
-    @lru_cache(maxsize=1)  # the last map that was tried is the one whose slopes are asked for
-    def run(net: Any) -> np.ndarray:
-        return roll(net, pieces.known, first)
+    @abstractmethod
+    def errors(self, y: np.ndarray) -> np.ndarray:
+        """Errors of measured rows, (n_errors,)."""
 
-    def errors(net: Any, slopes: bool) -> tuple[np.ndarray, Any]:
-        y = run(net)
-        error = (y[n:] - filled)[there]
-        if not slopes:
-            return error, None
-        phi = features(y, pieces.known, n)
-        _, by_phi, by_theta = net.jacobians(phi.reshape(-1, phi.shape[2]))
-        shape = (steps - n, count, o, -1)
-        return error, sensitivities(by_phi.reshape(shape), by_theta.reshape(shape), n)[there]
+    @abstractmethod
+    def slopes(self, net: SkipNet, y: np.ndarray) -> np.ndarray:
+        """Slopes of :meth:`errors`, (n_errors, n_theta)."""
 
-    return errors
+    def jacobian(self, net: SkipNet, y: np.ndarray) -> np.ndarray:
+        """The same, 0 for numbers that are held."""
+        J = self.slopes(net, y)
+        if self.held is not None:
+            J[:, self.held] = 0.0
+        return J
 
+    def penalty(self, net: SkipNet) -> np.ndarray:
+        """Penalty of every number, (n_theta,)."""
+        return self.weight
 
-def without_bias(errors: Residual, n_outputs: int) -> Residual:
-    """The same errors for maps whose last ``n_outputs`` parameters, the bias, stay where they are."""
+    def pull(self, net: SkipNet) -> np.ndarray:
+        """Half the slope of the penalty, (n_theta,)."""
+        return self.weight * (net.theta - self.prior)
 
-    def held(net: Any, slopes: bool) -> tuple[np.ndarray, Any]:
-        error, J = errors(net, slopes)
-        if slopes:
-            J[:, -n_outputs:] = 0.0
-        return error, J
-
-    return held
-
-
-def one_step(pieces: Pieces) -> Residual:
-    """Errors of one step from measured rows and, where asked for, their slopes."""
-    n = pieces.n_lags
-    phi = features(pieces.target, pieces.known, n).reshape(-1, pieces.known.shape[2] + n * pieces.target.shape[2])
-    wanted = pieces.target[n:].reshape(len(phi), -1)
-    rows = np.isfinite(wanted).all(axis=1) & np.isfinite(phi).all(axis=1)
-    phi, wanted = phi[rows], wanted[rows]
-
-    def errors(net: Any, slopes: bool) -> tuple[np.ndarray, Any]:
-        if not slopes:
-            return (net(phi) - wanted).ravel(), None
-        value, _, by_theta = net.jacobians(phi)
-        return (value - wanted).ravel(), by_theta.reshape(-1, by_theta.shape[2])
-
-    return errors
-
-
-def levenberg_marquardt(
-    net: Any, errors: Residual, penalty: np.ndarray, prior: np.ndarray, max_iter: int, tol: float
-) -> tuple[Any, float]:
-    """Minimise ``sum errors^2 + sum penalty (theta - prior)^2``; the map and its cost."""
-
-    def cost_of(candidate: Any) -> float:
-        with np.errstate(all="ignore"):
-            error, _ = errors(candidate, False)
-            total = float(error @ error + penalty @ (candidate.theta - prior) ** 2)
+    def value(self, net: SkipNet, y: np.ndarray) -> float:
+        """The loss; inf where a run diverged."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            total = float(np.sum(self.errors(y) ** 2) + self.pull(net) @ (net.theta - self.prior))
         return total if np.isfinite(total) else np.inf
 
-    cost, damping = cost_of(net), 1e-3
-    for _ in range(max_iter if np.isfinite(cost) else 0):
+
+class FreeRunCorrection(CorrectionLoss):
+    """Errors of free runs of the pieces."""
+
+    @cached_property
+    def _measured(self) -> np.ndarray:
+        """Which numbers behind the first rows were measured."""
+        return np.isfinite(self.pieces.target[self.pieces.n_lags :])
+
+    def run(self, net: SkipNet, guess: np.ndarray | None = None, rtol: float = 0.0) -> np.ndarray:
+        """Free runs, (n_steps, n_pieces, n_outputs)."""
+        return roll(net, self.pieces.known, np.nan_to_num(self.pieces.first))
+
+    def errors(self, y: np.ndarray) -> np.ndarray:
+        """Errors of measured rows, (n_errors,)."""
+        n = self.pieces.n_lags
+        return (y[n:] - self.pieces.target[n:])[self._measured]
+
+    def slopes(self, net: SkipNet, y: np.ndarray) -> np.ndarray:
+        """Slopes of :meth:`errors`, (n_errors, n_theta)."""
+        n = self.pieces.n_lags
         with np.errstate(all="ignore"):
-            error, J = errors(net, True)
-        if not np.all(np.isfinite(J)):
-            break
-        theta = net.theta
-        gradient = J.T @ error + penalty * (theta - prior)
-        normal = J.T @ J + np.diag(penalty)
-        size = np.diag(normal)
-        size = np.maximum(size, 1e-10 * size.max() + 1e-300)
-        before = cost
-        for _ in range(7):
-            trial = net.at(theta - np.linalg.solve(normal + damping * np.diag(size), gradient))
-            new = cost_of(trial)
-            if new < cost:
-                net, cost, damping = trial, new, max(damping / 5, 1e-12)
-                break
-            damping *= 4
-        if before - cost <= tol * before:
-            break
-    return net, cost
+            phi = features(y, self.pieces.known, n)
+            _, by_phi, by_theta = net.jacobians(phi.reshape(-1, phi.shape[2]))
+            shape = (*self._measured.shape, -1)
+            return sensitivities(by_phi.reshape(shape), by_theta.reshape(shape), n)[self._measured]
+
+
+class OneStepCorrection(CorrectionLoss):
+    """Errors of one step from measured rows."""
+
+    @cached_property
+    def _rows(self) -> tuple[np.ndarray, np.ndarray]:
+        """Features and targets of rows that are measured, with their past."""
+        pieces, n = self.pieces, self.pieces.n_lags
+        phi = features(pieces.target, pieces.known, n)
+        phi, wanted = phi.reshape(-1, phi.shape[2]), pieces.target[n:].reshape(-1, pieces.target.shape[2])
+        rows = np.isfinite(wanted).all(axis=1) & np.isfinite(phi).all(axis=1)
+        return phi[rows], wanted[rows]
+
+    def run(self, net: SkipNet, guess: np.ndarray | None = None, rtol: float = 0.0) -> np.ndarray:
+        """One step on, (n_rows, n_outputs)."""
+        return net(self._rows[0])
+
+    def errors(self, y: np.ndarray) -> np.ndarray:
+        """Errors of measured rows, (n_errors,)."""
+        return (y - self._rows[1]).ravel()
+
+    def slopes(self, net: SkipNet, y: np.ndarray) -> np.ndarray:
+        """Slopes of :meth:`errors`, (n_errors, n_theta)."""
+        by_theta = net.jacobians(self._rows[0])[2]
+        return by_theta.reshape(-1, by_theta.shape[2])
+
+
+def weighed(loss: CorrectionLoss, net: SkipNet) -> np.ndarray:
+    """The penalty of every number by the evidence, (n_theta,): one for each group of weights, see :attr:`SkipNet.groups`."""
+    y = loss.run(net)
+    J, e = loss.jacobian(net, y), loss.errors(y)
+    if not (np.isfinite(J).all() and np.isfinite(e).all()):
+        return loss.weight
+    groups = net.groups
+    first = np.array([np.mean(loss.weight[groups == g]) for g in range(groups.max() + 1)])
+    found = weigh(J.T @ J, net.theta - loss.prior, groups, first, float(e @ e), float(len(e)))
+    return np.where(groups >= 0, found.penalty[np.maximum(groups, 0)], 0.0)

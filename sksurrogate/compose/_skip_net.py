@@ -34,6 +34,11 @@ class SkipNet:
         """The fitted numbers, flat."""
         return np.concatenate([part.ravel() for part in self.parts])
 
+    @property
+    def groups(self) -> np.ndarray:
+        """Group of every fitted number, (n_theta,): linear part, hidden weights, output weights; -1: a bias."""
+        return np.repeat([0, 1, -1, 2, -1], [part.size for part in self.parts])
+
     def at(self, theta: np.ndarray) -> SkipNet:
         """The same map with other numbers."""
         found, place = [], 0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
@@ -20,6 +20,28 @@ ADAM_STEPS = 200
 SHORT = 15
 #: Rows on which the basin is looked for at most: it is wide, and the end is found on all.
 BASIN_ROWS = 20_000
+
+
+class Loss(Protocol):
+    """``sum e^2`` and a penalty, of what a model gives: its free runs as a rule."""
+
+    def run(self, model: Any, guess: np.ndarray | None = None, rtol: float = 1e-12) -> np.ndarray:
+        """What the model gives; ``guess``: what one nearby gives, ``rtol``: error that does no harm."""
+
+    def errors(self, y: np.ndarray) -> np.ndarray:
+        """Errors of what a model gives."""
+
+    def value(self, model: Any, y: np.ndarray) -> float:
+        """The loss; inf where a run diverged."""
+
+    def jacobian(self, model: Any, y: np.ndarray) -> np.ndarray:
+        """Slopes of :meth:`errors` by theta, (..., n_theta)."""
+
+    def penalty(self, model: Any) -> np.ndarray:
+        """Half the curvature of the penalty, (n_theta,)."""
+
+    def pull(self, model: Any) -> np.ndarray:
+        """Half the slope of the penalty, (n_theta,)."""
 
 
 @dataclass(frozen=True)
@@ -68,6 +90,10 @@ class FreeRunLoss:
         """Penalty of every entry of theta, (n_theta,)."""
         return self.alpha * (np.arange(model.theta.size) < model.n_weights)
 
+    def pull(self, model: Any) -> np.ndarray:
+        """Half the slope of the penalty, (n_theta,)."""
+        return self.penalty(model) * model.theta
+
     def value(self, model: Any, y: np.ndarray) -> float:
         """The loss; inf where a run diverged."""
         with np.errstate(over="ignore", invalid="ignore"):
@@ -97,7 +123,7 @@ class FreeRunLoss:
     def gradient(self, model: LagNet, y: np.ndarray) -> np.ndarray:
         """Half the slope of the loss, (n_theta,)."""
         slope = adjoint_gradient(model, self.U, y, self.n_first, self.root * self.errors(y))
-        return slope + self.penalty(model) * model.theta
+        return slope + self.pull(model)
 
 
 def adam(loss: FreeRunLoss, model: LagNet, n_steps: int = 200, rate: float = 0.03) -> LagNet:
@@ -126,13 +152,13 @@ def adam(loss: FreeRunLoss, model: LagNet, n_steps: int = 200, rate: float = 0.0
     return model if loss.value(model, y) < best_value else best
 
 
-def levenberg_marquardt(loss: FreeRunLoss, model: Any, max_iter: int = 100, tol: float = 1e-6) -> tuple[Any, float]:
+def levenberg_marquardt(loss: Loss, model: Any, max_iter: int = 100, tol: float = 1e-6) -> tuple[Any, float]:
     """Levenberg-Marquardt with exact sensitivities; returns weights and loss."""
     return descend(loss, model, max_iter, tol)[:2]
 
 
 def descend(
-    loss: FreeRunLoss, model: Any, max_iter: int, tol: float, guess: np.ndarray | None = None
+    loss: Loss, model: Any, max_iter: int, tol: float, guess: np.ndarray | None = None
 ) -> tuple[Any, float, np.ndarray]:
     """:func:`levenberg_marquardt` from free runs that are known nearly; returns weights, loss and free runs."""
     y = loss.run(model, guess)
@@ -143,7 +169,7 @@ def descend(
         theta = model.theta
         normal = J.T @ J
         normal[np.diag_indices_from(normal)] += penalty
-        gradient = J.T @ e + penalty * theta
+        gradient = J.T @ e + loss.pull(model)
         if not np.all(np.isfinite(normal)):
             break
         size = np.maximum(np.diag(normal), 1e-9 * np.diag(normal).max() + 1e-300)
