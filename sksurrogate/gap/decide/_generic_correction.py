@@ -21,8 +21,8 @@ Correction = Callable[[Record, np.ndarray], np.ndarray]
 Run = tuple[np.ndarray, np.ndarray, np.ndarray]
 _Runs = Sequence[np.ndarray]
 
-#: The correction is learned on this many parts only, by one small map: a bar beside the diagnosis, not its aim.
-FOLDS, MAPS, UNITS, ITERATIONS, LAGS = 2, 1, 3, 8, 5
+#: The correction is learned on this many parts only, by a few small maps: a bar beside the diagnosis, not its aim.
+FOLDS, MAPS, UNITS, ITERATIONS, LAGS = 2, 3, 3, 8, 5
 
 
 class SimulatedOnce:
