@@ -222,7 +222,7 @@ class DiagnosisPipeline(LawStage[C]):
             kind,
             _where.by_output(found.shrink),
             _where.by_location(places, named),
-            *self.access.where_and_when(location, kind),
+            *(self.access.where_and_when(location, kind) if found.shrink.measurable else (EMPTY, EMPTY)),
             _where.by_frequency(found.held.record, found.held.before, self.floor()),
         )
 

@@ -37,7 +37,7 @@ def test_of_two_forms_of_one_law_the_nearer_is_enough_within_the_tolerance(monke
         without=lambda _, i: one((both[1 - i],), 500.0 if i == 0 else 300.0),
     )
     monkeypatch.setattr(_needed, "taken", lambda search, fewer, final: fewer)
-    monkeypatch.setattr(_needed, "not_sized_beside_others", lambda found: [])
+    monkeypatch.setattr(_needed, "not_sized_beside_others", lambda found: ([], []))
     assert [effect.name for effect in needed_only(search, final).effects] == left
 
 
@@ -68,7 +68,7 @@ def test_a_rare_one_that_is_driven_as_another_is_left_out(monkeypatch, second, w
         without=lambda _, i: one((both[1 - i],), 500.0 if i == 0 else without_second),
     )
     monkeypatch.setattr(_needed, "taken", lambda search, fewer, final: fewer)
-    monkeypatch.setattr(_needed, "not_sized_beside_others", lambda found: [])
+    monkeypatch.setattr(_needed, "not_sized_beside_others", lambda found: ([], []))
     assert [effect.name for effect in needed_only(search, one(both, 100.0)).effects] == left
 
 
@@ -83,9 +83,22 @@ def test_of_effects_without_a_magnitude_beside_each_other_one_is_enough_within_t
     monkeypatch.setattr(_needed, "taken", lambda search, fewer, final: fewer)
     monkeypatch.setattr(_needed, "_one_of_two", lambda one, other: False)
     monkeypatch.setattr(
-        _needed, "not_sized_beside_others", lambda found: list(range(len(found.effects) - 1)) and [0, 1]
+        _needed, "not_sized_beside_others", lambda found: (list(range(len(found.effects) - 1)) and [0, 1], [])
     )
     assert "".join(effect.name for effect in needed_only(search, final).effects) == left
+
+
+def test_an_effect_whose_magnitude_is_not_shown_at_all_is_taken_out_also_beyond_the_tolerance(monkeypatch):
+    """Its states imitate initial states; a set of such effects alone stays for the verdict."""
+    search, one = _sets({"ab": 100.0, "a": 300.0, "b": 150.0})
+    search.tolerated_cost, final = 50.0, one("ab")
+    final.left = 1.0
+    monkeypatch.setattr(_needed, "taken", lambda search, fewer, final: fewer)
+    monkeypatch.setattr(_needed, "_one_of_two", lambda one, other: False)
+    monkeypatch.setattr(_needed, "not_sized_beside_others", lambda found: ([], [1]))
+    assert "".join(effect.name for effect in needed_only(search, final).effects) == "a"
+    monkeypatch.setattr(_needed, "not_sized_beside_others", lambda found: ([], [0, 1]))
+    assert "".join(effect.name for effect in needed_only(search, final).effects) == "ab"
 
 
 def _sets(costs, places=None):
@@ -124,7 +137,7 @@ def test_of_a_stack_of_laws_in_one_balance_one_is_enough_within_the_tolerance(mo
     final.left = 1.0
     monkeypatch.setattr(_needed, "taken", lambda search, fewer, final: fewer)
     monkeypatch.setattr(_needed, "_one_of_two", lambda one, other: False)
-    monkeypatch.setattr(_needed, "not_sized_beside_others", lambda found: [])
+    monkeypatch.setattr(_needed, "not_sized_beside_others", lambda found: ([], []))
     assert "".join(effect.name for effect in needed_only(search, final).effects) == left
 
 
@@ -132,7 +145,8 @@ def test_names_taken_out_one_by_one_have_not_closed_most_together(monkeypatch):
     """Each step leaves less than four times what was left before; both together leave six times as much: the second stays."""
     search, one = _sets({"abc": 100.0, "ab": 200.0, "ac": 900.0, "bc": 900.0, "a": 600.0, "b": 900.0})
     monkeypatch.setattr(_needed, "taken", lambda search, fewer, final: fewer)
-    monkeypatch.setattr(_needed, "_of_which_one_is_enough", lambda final: [])
+    monkeypatch.setattr(_needed, "not_sized_beside_others", lambda found: ([], []))
+    monkeypatch.setattr(_needed, "_of_which_one_is_enough", lambda final, not_sized: [])
     assert "".join(effect.name for effect in needed_only(search, one("abc")).effects) == "ab"
 
 
@@ -142,7 +156,8 @@ def test_where_a_name_is_not_needed_the_nearest_set_of_the_size_stands(monkeypat
     search, one = _sets(costs)
     search.stood[2] = one("ad")
     monkeypatch.setattr(_needed, "taken", lambda search, fewer, final: fewer)
-    monkeypatch.setattr(_needed, "_of_which_one_is_enough", lambda final: [])
+    monkeypatch.setattr(_needed, "not_sized_beside_others", lambda found: ([], []))
+    monkeypatch.setattr(_needed, "_of_which_one_is_enough", lambda final, not_sized: [])
     assert "".join(effect.name for effect in needed_only(search, one("abc")).effects) == "ad"
 
 
@@ -150,7 +165,8 @@ def test_what_is_left_of_a_set_must_be_plausible_itself(monkeypatch):
     """Without the friction beside it a power law is nearest with an exponent of zero: a friction again."""
     search, one = _sets({"ab": 100.0, "a": 130.0, "b": 120.0})
     monkeypatch.setattr(_needed, "taken", lambda search, fewer, final: fewer)
-    monkeypatch.setattr(_needed, "_of_which_one_is_enough", lambda final: [])
+    monkeypatch.setattr(_needed, "not_sized_beside_others", lambda found: ([], []))
+    monkeypatch.setattr(_needed, "_of_which_one_is_enough", lambda final, not_sized: [])
     assert "".join(effect.name for effect in needed_only(search, one("ab")).effects) == "b"
     search.plausible = lambda one: one.effects[0].name != "b"
     assert "".join(effect.name for effect in needed_only(search, one("ab")).effects) == "a"

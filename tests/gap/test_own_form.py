@@ -94,6 +94,6 @@ def test_a_sensor_that_reads_its_own_noise_explains_no_noise():
     evidence = estimate_noise(gain, problem.first_noise())
     noise = (problem.first_noise(),)
     leak = law_beside(LawQuestion(gain, noise, path=record.y.copy(), bare=True), 30.0, 0.1)
-    search = SimpleNamespace(x=record.y.copy(), gap_over_noise=30.0, tolerance=0.1, laws={})
+    search = SimpleNamespace(x=record.y.copy(), gap_over_noise=30.0, tolerance=0.1, laws=[])
     kept = judged_law(search, evidence, gain, along=True, noises=noise)
     assert leak.left.left < 0.01 and kept.left.left > 0.8  # over the noise

@@ -24,6 +24,10 @@ from sksurrogate.kernels.disturbance import Noise
 UNNAMED = 0.02
 #: Sets that are compared beside a law: at most so many.
 MOST_OTHERS = 6
+#: Squared distance of free runs, in units of the noise, and nats up to which two sets leave the same to a law.
+SAME_RUN, SAME_NATS = 1e-4, 0.05
+#: Change of the sizes and memories of a noise (logarithms) up to which it is the same.
+SAME_NOISE = 0.02
 
 
 def log_prior(effects: Sequence[BaseEffect], library: Sequence[BaseEffect], positions: Collection[str] = ()) -> float:
@@ -183,11 +187,48 @@ def judged_law(
 ) -> LawBeside | None:
     """A law beside a candidate, under the noise of what is named by default; of two linear models the likelier.
 
-    Far from the data, also beside the gap, the models are linear about the measured path, not about the free run.
+    Far from the data, also beside the gap, the models are linear about the measured path, not about the free run. What was asked of a
+    set that leaves the same to a law is not asked again.
     """
+    noises = noises_of(final) if noises is None else noises
+    sets = final.candidate, candidate, instead
+    for (known_along, known, under), law in search.laws:
+        pairs = zip(known, sets)
+        if known_along == along and same_noise(under, noises) and all(leaves_the_same(search, *pair) for pair in pairs):
+            return law
+    law = _law(search, final, candidate, along, seeds, instead, noises)
+    search.laws.append(((along, sets, noises), law))
+    return law
+
+
+def same_noise(some: Sequence[Noise], others: Sequence[Noise]) -> bool:
+    """Whether noises are the same, up to what their fits leave open."""
+    pairs = [(one.pack(), other.pack()) for one, other in zip(some, others)]
+    return len(some) == len(others) and all(np.max(np.abs(a - b)) < SAME_NOISE for a, b in pairs)
+
+
+def leaves_the_same(search: OdeSearch, one: OdeCandidate | None, other: OdeCandidate | None) -> bool:
+    """Whether two sets give the same free run, by parameters as many and as likely (a friction at a speed that keeps its sign is a constant)."""
+    if one is None or other is None or one is other:
+        return one is other
+    if one.problem.record is not other.problem.record or one.n_fitted != other.n_fitted:
+        return False
+    apart = (one.fit.y - other.fit.y) / one.problem.sd[:, None]
+    nats = abs(search.evidence(one) - search.evidence(other)) if one.keys != other.keys else 0.0
+    return bool(np.sum(apart**2) < SAME_RUN and nats < SAME_NATS)
+
+
+def _law(
+    search: OdeSearch,
+    final: Evidence,
+    candidate: OdeCandidate,
+    along: bool,
+    seeds: Sequence[LawName],
+    instead: OdeCandidate | None,
+    noises: Sequence[Noise],
+) -> LawBeside | None:
     problem, far = candidate.problem, _is_far(search, final)
     x = (search.x if far else final.candidate.fit.x)[: len(problem.plant.states)]
-    noises = noises_of(final) if noises is None else noises
     asked = LawQuestion(candidate, noises, x if along or far else None, seeds=seeds, instead=instead)
     found = [law_along(search, asked)]
     if candidate.effects and final.left > AT_THE_NOISE and _may_be_regressors(candidate):

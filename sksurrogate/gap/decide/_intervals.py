@@ -95,8 +95,9 @@ def not_sized(effects: Sequence[BaseEffect], low: np.ndarray, high: np.ndarray) 
     return [i for i, k, effect in sized if low[k] <= effect.parameters[0].null <= high[k]]
 
 
-def not_sized_beside_others(found: Evidence) -> list[int]:
-    """Positions of the effects whose magnitude the data show with the other effects as they are, and not beside them.
+def not_sized_beside_others(found: Evidence) -> tuple[list[int], list[int]]:
+    """Positions of the effects whose magnitude the data show with the other effects as they are, and not beside them; of those whose
+    magnitude they do not show at all.
 
     By the 90 % intervals of noise and disturbance alone.
     """
@@ -106,4 +107,7 @@ def not_sized_beside_others(found: Evidence) -> list[int]:
         return found.fit.theta[own] - half, found.fit.theta[own] + half
 
     alone = [ends(found.candidate.slice_of(i)) for i in range(len(found.effects))]
-    return [i for i in not_sized(found.effects, *ends(ALL)) if is_sized([found.effects[i]], *alone[i])]
+    beside: tuple[list[int], list[int]] = [], []
+    for i in not_sized(found.effects, *ends(ALL)):
+        beside[not is_sized([found.effects[i]], *alone[i])].append(i)
+    return beside

@@ -29,7 +29,8 @@ def needed_only(search: SetSearch[C], final: Evidence[C]) -> Evidence[C]:
     on a real plant. So it is of effects whose magnitudes these data do not show beside each other, and of a rare one that is needed
     least of all and is driven as another: what has a state, a clock or two signals follows what the form of that one leaves.
 
-    What is taken out is compared with the whole set: several effects may be needed where none of them alone is.
+    What is taken out is compared with the whole set: several effects may be needed where none of them alone is. An effect whose magnitude the
+    data do not show, as one that imitates initial states, is taken out in any case.
     """
     whole = final.fit.cost
     while (fewer := _without_needless(search, final, whole)) is not None:
@@ -44,7 +45,10 @@ def _without_needless(search: SetSearch[C], final: Evidence[C], whole: float) ->
     """
     if len(final.effects) < 2:
         return None
-    one_form = _nearest_without(search, final, _of_which_one_is_enough(final))
+    among_others, not_at_all = not_sized_beside_others(final)
+    if not_at_all and len(not_at_all) < len(final.effects):
+        return _nearest_without(search, final, not_at_all)
+    one_form = _nearest_without(search, final, _of_which_one_is_enough(final, among_others))
     if one_form is not None and one_form.fit.cost <= search.tolerated_cost:
         return one_form
     following = _that_may_follow_others(final)
@@ -62,8 +66,8 @@ def _without_needless(search: SetSearch[C], final: Evidence[C], whole: float) ->
     return None if fewer is None or is_needed(whole, fewer.fit.cost, search.tolerated_cost) else fewer
 
 
-def _of_which_one_is_enough(final: Evidence[C]) -> list[int]:
-    """Positions of the effects that share a law or a curve with another, or have no magnitude of their own in these data.
+def _of_which_one_is_enough(final: Evidence[C], not_sized: Iterable[int]) -> list[int]:
+    """Positions of the effects that share a law or a curve with another, or have no magnitude of their own in these data (``not_sized``).
 
     A stack of laws in one balance is an expansion of one of them.
     """
@@ -71,7 +75,7 @@ def _of_which_one_is_enough(final: Evidence[C]) -> list[int]:
     forms = {i for pair in pairs if _one_of_two(*(final.effects[k] for k in pair)) for i in pair}
     balances = [e.location if e.kind == "state" and e.variable else None for e in final.effects]
     stacked = (i for i, name in enumerate(balances) if name is not None and balances.count(name) >= STACK)
-    return sorted(forms.union(not_sized_beside_others(final), stacked))
+    return sorted(forms.union(not_sized, stacked))
 
 
 def _that_may_follow_others(final: Evidence[C]) -> set[Any]:

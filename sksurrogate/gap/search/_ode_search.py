@@ -53,6 +53,8 @@ class OdeSearch(Expander):
 
     #: Sets without one of their effects, by the set, its place and the best fit of the others that was known then
     smaller: dict[Any, OdeCandidate | None] = field(default_factory=dict)
+    #: Laws that were asked for beside sets, with what they were asked for
+    laws: list[tuple[Any, Any]] = field(default_factory=list)
 
     @property
     def frugal(self) -> bool:  # type: ignore[override]

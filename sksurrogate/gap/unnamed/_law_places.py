@@ -49,7 +49,7 @@ class PlacedSignal(NamedTuple):
 
 
 def in_all_places(base: OdeCandidate) -> Iterator[PlacedSignal]:
-    """Laws of near states and inputs in every balance, of each input in its place, of an element's flow, of outputs in every sensor."""
+    """Laws of near states and inputs in every balance, of each input in its place, of an element's flow, of near outputs in every sensor."""
     problem, D = base.problem, base.disturbance
     plant, record = problem.plant, problem.record
     moved = partial(response, D)
@@ -84,6 +84,8 @@ def in_all_places(base: OdeCandidate) -> Iterator[PlacedSignal]:
     of_readings = [*laws(record, readings, plant.outputs, plant.outputs), *times]
     for o, name in enumerate(plant.outputs):
         for law in [*of_readings, *staircases(readings[o], name)]:
+            if not is_near(problem.near, name, law.signals):
+                continue
             yield PlacedSignal(name, "output", law, partial(reading, len(plant.outputs), o, law.functions))
 
 
