@@ -88,17 +88,18 @@ def test_of_effects_without_a_magnitude_beside_each_other_one_is_enough_within_t
     assert "".join(effect.name for effect in needed_only(search, final).effects) == left
 
 
-def test_an_effect_whose_magnitude_is_not_shown_at_all_is_taken_out_also_beyond_the_tolerance(monkeypatch):
-    """Its states imitate initial states; a set of such effects alone stays for the verdict."""
-    search, one = _sets({"ab": 100.0, "a": 300.0, "b": 150.0})
+@pytest.mark.parametrize(("without_b", "left"), [(140.0, "a"), (160.0, "ab")])
+def test_an_effect_whose_magnitude_is_not_shown_at_all_is_taken_out_where_it_closes_less_than_the_tolerance(
+    monkeypatch, without_b, left
+):
+    """Its states imitate initial states; the noise alone is more than the tolerance of the gap."""
+    search, one = _sets({"ab": 100.0, "a": without_b, "b": 300.0})
     search.tolerated_cost, final = 50.0, one("ab")
     final.left = 1.0
     monkeypatch.setattr(_needed, "taken", lambda search, fewer, final: fewer)
     monkeypatch.setattr(_needed, "_one_of_two", lambda one, other: False)
     monkeypatch.setattr(_needed, "not_sized_beside_others", lambda found: ([], [1]))
-    assert "".join(effect.name for effect in needed_only(search, final).effects) == "a"
-    monkeypatch.setattr(_needed, "not_sized_beside_others", lambda found: ([], [0, 1]))
-    assert "".join(effect.name for effect in needed_only(search, final).effects) == "ab"
+    assert "".join(effect.name for effect in needed_only(search, final).effects) == left
 
 
 def _sets(costs, places=None):

@@ -192,12 +192,12 @@ def judged_law(
     """
     noises = noises_of(final) if noises is None else noises
     sets = final.candidate, candidate, instead
-    for (known_along, known, under), law in search.laws:
-        pairs = zip(known, sets)
-        if known_along == along and same_noise(under, noises) and all(leaves_the_same(search, *pair) for pair in pairs):
-            return law
+    for (known_along, known, under, begun), law in search.laws:
+        if known_along == along and same_noise(under, noises) and set(seeds) <= {*begun, *([law.name] if law else [])}:
+            if all(leaves_the_same(search, *pair) for pair in zip(known, sets)):
+                return law
     law = _law(search, final, candidate, along, seeds, instead, noises)
-    search.laws.append(((along, sets, noises), law))
+    search.laws.append(((along, sets, noises, seeds), law))
     return law
 
 

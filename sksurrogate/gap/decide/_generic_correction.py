@@ -23,6 +23,8 @@ _Runs = Sequence[np.ndarray]
 
 #: The correction is learned on this many parts only, by a few small maps: a bar beside the diagnosis, not its aim.
 FOLDS, MAPS, UNITS, ITERATIONS, LAGS = 2, 3, 3, 8, 5
+#: Features of the correction at most: of plants with many signals it sees fewer lags.
+MOST_FEATURES = 30
 
 
 class SimulatedOnce:
@@ -156,8 +158,10 @@ class _Supported:
         from sksurrogate.compose._hybrid_output import OutputCorrection
         from sksurrogate.compose._residual import FreeRunResidual
 
+        signals = U[0].shape[1] + y[0].shape[1]
+        n_lags = int(np.clip(MOST_FEATURES // signals - 1, 1, LAGS))
         residual = FreeRunResidual(hidden=UNITS, n_starts=MAPS, max_iter=ITERATIONS)
-        correction = OutputCorrection(self.simulator, residual, "output", "shooting", LAGS, 1.0, 1e-2, 0)
+        correction = OutputCorrection(self.simulator, residual, "output", "shooting", n_lags, 1.0, 1e-2, 0)
         correction.finds_starts = False  # as the simulator of the bar above starts
         correction.fit(list(U), list(y))
         first = [part[:LAGS] for part in z]

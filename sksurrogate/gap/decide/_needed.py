@@ -30,7 +30,8 @@ def needed_only(search: SetSearch[C], final: Evidence[C]) -> Evidence[C]:
     least of all and is driven as another: what has a state, a clock or two signals follows what the form of that one leaves.
 
     What is taken out is compared with the whole set: several effects may be needed where none of them alone is. An effect whose magnitude the
-    data do not show, as one that imitates initial states, is taken out in any case.
+    data do not show at all, as one whose states imitate initial states, is taken out at the noise,
+    where it closes less than the tolerance.
     """
     whole = final.fit.cost
     while (fewer := _without_needless(search, final, whole)) is not None:
@@ -46,8 +47,9 @@ def _without_needless(search: SetSearch[C], final: Evidence[C], whole: float) ->
     if len(final.effects) < 2:
         return None
     among_others, not_at_all = not_sized_beside_others(final)
-    if not_at_all and len(not_at_all) < len(final.effects):
-        return _nearest_without(search, final, not_at_all)
+    not_shown = _nearest_without(search, final, not_at_all) if final.left <= SETTLED else None
+    if not_shown is not None and not_shown.fit.cost - final.fit.cost <= search.tolerated_cost:
+        return not_shown
     one_form = _nearest_without(search, final, _of_which_one_is_enough(final, among_others))
     if one_form is not None and one_form.fit.cost <= search.tolerated_cost:
         return one_form
