@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sksurrogate.effects._base_effect import BaseEffect
+from sksurrogate.gap.decide._laws_asked import LawAsked
 from sksurrogate.gap.fit._closeness import AT_THE_NOISE, FAR, MOST_LEFT, SETTLED
 from sksurrogate.gap.fit._evidence import C, Evidence, estimate_noise
 from sksurrogate.gap.fit._ode import OdeCandidate
@@ -24,10 +25,6 @@ from sksurrogate.kernels.disturbance import Noise
 UNNAMED = 0.02
 #: Sets that are compared beside a law: at most so many.
 MOST_OTHERS = 6
-#: Squared distance of free runs, in units of the noise, and nats up to which two sets leave the same to a law.
-SAME_RUN, SAME_NATS = 1e-4, 0.05
-#: Change of the sizes and memories of a noise (logarithms) up to which it is the same.
-SAME_NOISE = 0.02
 
 
 def log_prior(effects: Sequence[BaseEffect], library: Sequence[BaseEffect], positions: Collection[str] = ()) -> float:
@@ -191,31 +188,14 @@ def judged_law(
     set that leaves the same to a law is not asked again.
     """
     noises = noises_of(final) if noises is None else noises
-    sets = final.candidate, candidate, instead
-    for (known_along, known, under, begun), law in search.laws:
-        if known_along == along and same_noise(under, noises) and set(seeds) <= {*begun, *([law.name] if law else [])}:
-            if all(leaves_the_same(search, *pair) for pair in zip(known, sets)):
-                return law
+    asked = LawAsked((final.candidate, candidate, instead), along, noises, seeds)
+    for known, law in search.laws:
+        seen = {*known.seeds, *([law.name] if law else [])}
+        if seen.issuperset(seeds) and known.is_like(asked, search):
+            return law
     law = _law(search, final, candidate, along, seeds, instead, noises)
-    search.laws.append(((along, sets, noises, seeds), law))
+    search.laws.append((asked, law))
     return law
-
-
-def same_noise(some: Sequence[Noise], others: Sequence[Noise]) -> bool:
-    """Whether noises are the same, up to what their fits leave open."""
-    pairs = [(one.pack(), other.pack()) for one, other in zip(some, others)]
-    return len(some) == len(others) and all(np.max(np.abs(a - b)) < SAME_NOISE for a, b in pairs)
-
-
-def leaves_the_same(search: OdeSearch, one: OdeCandidate | None, other: OdeCandidate | None) -> bool:
-    """Whether two sets give the same free run, by parameters as many and as likely (a friction at a speed that keeps its sign is a constant)."""
-    if one is None or other is None or one is other:
-        return one is other
-    if one.problem.record is not other.problem.record or one.n_fitted != other.n_fitted:
-        return False
-    apart = (one.fit.y - other.fit.y) / one.problem.sd[:, None]
-    nats = abs(search.evidence(one) - search.evidence(other)) if one.keys != other.keys else 0.0
-    return bool(np.sum(apart**2) < SAME_RUN and nats < SAME_NATS)
 
 
 def _law(

@@ -29,9 +29,8 @@ def needed_only(search: SetSearch[C], final: Evidence[C]) -> Evidence[C]:
     on a real plant. So it is of effects whose magnitudes these data do not show beside each other, and of a rare one that is needed
     least of all and is driven as another: what has a state, a clock or two signals follows what the form of that one leaves.
 
-    What is taken out is compared with the whole set: several effects may be needed where none of them alone is. An effect whose magnitude the
-    data do not show at all, as one whose states imitate initial states, is taken out at the noise,
-    where it closes less than the tolerance.
+    What is taken out is compared with the whole set: several effects may be needed where none of them alone is. At the noise an effect whose
+    magnitude the data do not show at all, as one whose states imitate initial states, is taken out where it closes less than the tolerance.
     """
     whole = final.fit.cost
     while (fewer := _without_needless(search, final, whole)) is not None:

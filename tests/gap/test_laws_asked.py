@@ -8,7 +8,8 @@ import pytest
 from sksurrogate.effects import CATALOGUE
 from sksurrogate.gap._begin import build_problem
 from sksurrogate.gap.decide import _contenders
-from sksurrogate.gap.decide._contenders import judged_law, leaves_the_same
+from sksurrogate.gap.decide._contenders import judged_law
+from sksurrogate.gap.decide._laws_asked import leaves_the_same
 from sksurrogate.gap.fit._evidence import estimate_noise
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics import ODESimulator
