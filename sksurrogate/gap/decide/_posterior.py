@@ -81,13 +81,29 @@ def weigh(search: OdeSearch, final: Evidence) -> Posterior:
 def let_stand(search: OdeSearch, final: Evidence) -> tuple[Evidence, Posterior]:
     """Let the set stand that is likeliest beside a law, without effects that the tolerance does not need: it, and its posterior.
 
+    Where a set does not stand, the smaller ones that stood in the search are asked, the largest first, if they close the gap up to the
+    tolerance: the set won by likelihood alone, which forms that are nearly exact cannot give.
+    """
+    smaller = [search.stood.get(n) for n in range(len(final.effects) - 1, 0, -1)]
+    fallen: set[frozenset] = set()
+    found = _likeliest(search, final, fallen)
+    for one in smaller:
+        if found[0].effects or one is None or one.fit.cost > search.tolerated_cost:
+            break
+        if frozenset(one.keys) not in fallen:
+            found = _likeliest(search, search.judged[search.stand(one)], fallen)
+    return found
+
+
+def _likeliest(search: OdeSearch, final: Evidence, fallen: set[frozenset]) -> tuple[Evidence, Posterior]:
+    """What stands of a set, or in its place, and its posterior; keys of sets that do not stand are added to ``fallen``.
+
     Effects in whose place a law does as well are taken out, the least probable first, and those that only correct the form of
     another; another effect takes the place of one where that is likelier. Names that leave most of the gap in the data that they
     were fitted to close no more of it on runs left out: they are not weighed.
     """
     final = needed_only(search, final)
     stood: dict[frozenset, tuple[Evidence, Posterior]] = {}
-    fallen: set[frozenset] = set()
     if closes_by_size(final, search.tolerated_cost):
         law = judged_law(search, final, final.candidate, along=False)
         return final, Posterior((1.0,) * len(final.effects), law)
@@ -110,8 +126,9 @@ def let_stand(search: OdeSearch, final: Evidence) -> tuple[Evidence, Posterior]:
             if best is own:
                 return _sure_part(search, *stood[frozenset(final.candidate.keys)])
             final = search.judged[search.stand(best.candidate)]
-        elif stood:  # what seemed likelier than a set that stood does not stand itself
-            fallen.add(frozenset(final.candidate.keys))
+            continue
+        fallen.add(frozenset(final.candidate.keys))
+        if stood:  # what seemed likelier than a set that stood does not stand itself
             final = stood.popitem()[1][0]
             search.stand(final.candidate)
         else:
