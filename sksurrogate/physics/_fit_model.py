@@ -13,6 +13,7 @@ from sksurrogate.kernels.integrate import closing_weight
 from sksurrogate.kernels.record import Record
 from sksurrogate.kernels.signals import hold
 from sksurrogate.kernels.stiff import one_sample
+from sksurrogate.physics._linear_map import LinearMap
 from sksurrogate.physics._model import PlantModel
 
 #: Points that go through all stages of a step together, so that they stay in the cache.
@@ -32,7 +33,7 @@ class FitModel:
 
     def __getstate__(self) -> dict[str, Any]:
         """What is laid out again stays behind."""
-        return {key: value for key, value in self.__dict__.items() if key not in ("held", "_points")}
+        return {key: value for key, value in self.__dict__.items() if key not in ("held", "_points", "linear")}
 
     @property
     def n_states(self) -> int:
@@ -88,6 +89,20 @@ class FitModel:
         """What :meth:`points` has spread so far."""
         return {}
 
+    @cached_property
+    def linear(self) -> LinearMap | None:
+        """The exact map where the right-hand side is linear, and rows are even."""
+        if self.inner.plant.access == "step" or self.record.steps is not None or not self.n_states:
+            return None
+        mean, half = self.held
+        first, last = (mean[0], mean[-1]) if half is None else (mean[0] - half[0], mean[-1] + half[-1])
+        rise = None if half is None else (last - first)[:, 0]
+
+        def derivative(t: np.ndarray, x: np.ndarray, u: np.ndarray, theta: np.ndarray) -> np.ndarray:
+            return self.inner.derivative_points(t, x, u, {**self.inner.plant.params, **dict(zip(self.names, theta))})
+
+        return LinearMap(derivative, self.record.t, first[:, 0], rise, self.record.dt)
+
     def points(self, n_columns: int) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
         """Times and inputs of ``n_columns`` columns as flat points, in the order of states raveled."""
         if n_columns not in self._points:
@@ -124,6 +139,10 @@ class BoundFitModel:
     def __call__(self, x: np.ndarray, rows: np.ndarray | None = None) -> np.ndarray:
         """States (n_states, n_columns, n_samples) one sample later; with ``rows``, only those samples."""
         m, shape = self.m, x.shape
+        if rows is None and m.linear is not None:
+            after = m.linear.after(x, self.theta)
+            if after is not None:
+                return after
         t, mean, half = m.points(shape[1]) if rows is None else m.points_at(rows, shape[1])
         params, steps = self.params(shape[2]), m.record.steps
         if steps is not None:

@@ -11,7 +11,7 @@ from sksurrogate.exceptions import SimulatorError
 from sksurrogate.kernels.linear_step import linear_run
 
 #: Largest departure from the linear law at a probe, relative to the size of its terms: rounding of a sum of some hundred.
-_NOT_LINEAR = 1e-10
+NOT_LINEAR = 1e-10
 #: Sizes of the probes beside those of the start and of the inputs.
 _SIZES = (1e-3, 1.0, 1e3)
 
@@ -53,7 +53,7 @@ def linear_parts(
         found = derivative(times, probes[:n], probes[n:])
     expected = slopes @ probes + b[:, None]
     terms = np.abs(slopes) @ np.abs(probes) + np.abs(b)[:, None] + np.finfo(float).tiny
-    wrong = ~(np.abs(found - expected) <= _NOT_LINEAR * terms)
+    wrong = ~(np.abs(found - expected) <= NOT_LINEAR * terms)
     if wrong.any():
         i, k = np.argwhere(wrong)[0]
         raise SimulatorError(
