@@ -28,8 +28,8 @@ def experiment(case: Case, name: str) -> tuple[np.ndarray, np.ndarray] | None:
     name = name.removeprefix("a run ").strip()
     made = {
         CONTROL: u,
-        "with inputs of twice the amplitude": middle + 2 * (u - middle),
-        "with inputs of half the amplitude": middle + 0.5 * (u - middle),
+        "with inputs twice as far from their mean": middle + 2 * (u - middle),
+        "with inputs half as far from their mean": middle + 0.5 * (u - middle),
         "with inputs shifted up by their amplitude": u + spread,
         "with inputs twice as fast": u[(2 * index) % n],
         "with inputs half as fast": u[index // 2],
@@ -60,7 +60,7 @@ def follow(case: Case, answer: Mapping[str, Any], name: str | None = None) -> Qu
     question, rng = case.question, np.random.default_rng([case.facts["seed"], 17])
     question = replace(question, effects=_tied_names(answer) or question.effects)
     read = [case.plant.outputs.index(output) for output in question.simulator.outputs]
-    sensor = re.fullmatch(r"a sensor for (\w+), inputs as they were", suggested)
+    sensor = re.fullmatch(r"the same runs with (\w+) measured too", suggested)
     if sensor:
         return _with_sensor(case, question, sensor[1], rng)
     found = experiment(case, suggested)

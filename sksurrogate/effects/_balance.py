@@ -163,6 +163,7 @@ class StribeckFriction(BalanceEffect):
     )
     equation = "- (c + (cs - c) exp(-(v/vs)^2)) sign(v)"
     signature = "stick and slip at reversals; less friction once it moves"
+    typical = "the friction is larger when slow, for longer than a part of a sample"
     twins = ("coulomb_friction", "asymmetric_friction", "lugre_friction")
     nests = ("coulomb_friction",)
     linear = False
@@ -254,6 +255,7 @@ class PowerLaw(BalanceEffect):
     )
     equation = "- c sign(v) abs(v)^m (times w for v*w)"
     signature = "a loss that is not a straight line in the level: kinetics, valves, natural convection"
+    typical = "the exponent is within its bounds, and nothing jumps at zero"
     twins = ("linear_loss", "sqrt_leak", "quadratic_loss", "bilinear", "parameter_error")
     nests = ("linear_loss", "quadratic_loss", "quadratic_drag", "cubic_stiffness", "sqrt_leak")
 
@@ -344,6 +346,7 @@ class EndStop(BalanceEffect):
     parameters = (Parameter("stiffness", low=0.0, unit="dx/dt over v"), Parameter("edge", unit="v"))
     equation = "- c max(v - edge, 0)"
     signature = "one-sided pushes where v is largest, nothing elsewhere"
+    typical = "the stop is left at times"
     twins = ("cubic_stiffness", "state_saturation", "quadratic_loss")
     nests = ("state_saturation",)
 

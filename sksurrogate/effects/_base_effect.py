@@ -62,6 +62,7 @@ class BaseEffect(PriorOdds, BaseEstimator):
     parameters: ClassVar[tuple[Parameter, ...]] = ()
     equation: ClassVar[str] = ""
     signature: ClassVar[str] = ""
+    typical: ClassVar[str] = ""  #: What :meth:`plausible` asks for, as the end of a sentence
     twins: ClassVar[tuple[str, ...]] = ()
     nests: ClassVar[tuple[str, ...]] = ()
     access: ClassVar[str] = "step"

@@ -153,13 +153,19 @@ def left_out(effects: Any, tested: Iterable[BaseEffect]) -> list[str]:
 
 
 def name_of(effect: BaseEffect) -> str:
-    """Readable name of an effect.
+    """Effect, place and driving signal in words.
 
-    >>> name_of(CATALOGUE["coulomb_friction"]("speed", "speed"))
-    'coulomb_friction at speed in speed'
+    >>> name_of(CATALOGUE["coulomb_friction"]("speed", "speed")), name_of(CATALOGUE["linear_loss"]("speed", "level"))
+    ('coulomb friction at speed', 'linear loss at speed, driven by level')
     """
     window = f" with an {effect.key[3]}" if len(effect.key) > 3 else ""
-    return f"{effect.name} at {effect.location}" + (f" in {effect.variable}" if effect.variable else "") + window
+    return in_words(effect.name, effect.location, effect.variable) + window
+
+
+def in_words(name: str, place: str | None, driver: str | None) -> str:
+    """The same of a name by itself."""
+    driven = f", driven by {driver}" if driver and driver != place else ""
+    return f"{name.replace('_', ' ')} at {place}{driven}"
 
 
 def _wanted(effects: Any) -> list[Any]:

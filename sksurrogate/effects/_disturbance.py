@@ -93,6 +93,7 @@ class StepDisturbance(BalanceEffect):
     parameters = (Parameter("size", unit="dx/dt"), Parameter("time", unit="time", jumps=True))
     equation = "+ c after t0"
     signature = "no residual before one moment, a transient and an offset after it"
+    typical = "it sets in within the runs"
     twins = ("constant_bias", "parameter_step", "drift")
     nests = ("constant_bias",)
 

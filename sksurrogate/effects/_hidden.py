@@ -36,6 +36,7 @@ class Hysteresis(HiddenEffect):
     )
     equation = "- c z, dz/dt = v' (1 - (abs(z)/limit) (1 + sign(v' z))/2), z(0) = 0"
     signature = "a loop that is the same at any speed; a restoring force that yields"
+    typical = "the spring yields within the runs"
     twins = ("coulomb_friction", "lugre_friction", "linear_loss", "input_backlash")
     nests = ("coulomb_friction",)
     linear = True
@@ -91,6 +92,7 @@ class LugreFriction(HiddenEffect):
     )
     equation = "- c z, dz/dt = v - c abs(v) z / g(v), g = level + (static_level - level) exp(-(v/velocity)^2)"
     signature = "springy before it slides, dry friction after"
+    typical = "the bristles do not give way within a sample, as those of a dry friction do"
     twins = ("coulomb_friction", "stribeck_friction", "hysteresis")
     nests = ("coulomb_friction",)
 
@@ -165,6 +167,7 @@ class HiddenRelaxation(HiddenEffect):
     )
     equation = "- c (v - z), dz/dt = (v - z)/time_constant"
     signature = "a slow tail after every step; fast changes meet more resistance than slow ones, or less where an input drives it"
+    typical = "the companion is late, does not work against its driver, and follows within the runs"
     twins = ("exchange", "linear_loss", "hidden_mode", "sensor_lag", "input_lag")
     nests = ("linear_loss",)
     linear = True
@@ -232,6 +235,7 @@ class HiddenMode(HiddenEffect):
     )
     equation = "+ c (z - v), z'' = w^2 (v - z) - 2 d w z'"
     signature = "ringing at one frequency after fast changes"
+    typical = "it rings slower than the samples, or relaxes within the runs"
     twins = ("hidden_relaxation", "periodic_disturbance", "linear_loss", "parameter_error")
     linear = True
 

@@ -69,6 +69,7 @@ class ParameterDrift(ParameterEffect):
     parameters = (Parameter("rate", unit="1 over time"),)
     equation = "p (1 + c t)"
     signature = "a residual that is zero at the start of a run and grows with time where the parameter acts"
+    typical = "the parameter keeps its sign to the end of the longest run"
     twins = ("drift", "sensor_drift", "parameter_error", "parameter_step")
     access = "step"
 
@@ -102,6 +103,7 @@ class ParameterDependence(ParameterEffect):
     parameters = (Parameter("slope", unit="1 over v"), Parameter("relative_error", grows=True))
     equation = "p (1 + c v + c2)"
     signature = "a residual as that of a wrong parameter, whose size goes with a signal"
+    typical = "the parameter keeps its sign along the data"
     twins = ("parameter_error", "bilinear", "quadratic_loss", "input_curve", "sensor_nonlinearity")
     nests = ("parameter_error",)
     access = "step"
@@ -134,6 +136,7 @@ class ParameterStep(ParameterEffect):
     parameters = (Parameter("relative_error"), Parameter("time", unit="time", jumps=True))
     equation = "p (1 + c) after t0"
     signature = "no residual before the jump; afterwards that of a wrong parameter"
+    typical = "the jump lies within the runs"
     twins = ("step_disturbance", "parameter_error", "parameter_drift")
     nests = ("parameter_error",)
     access = "step"

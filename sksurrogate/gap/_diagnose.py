@@ -248,7 +248,8 @@ class GapDiagnoser(BaseEstimator):
             progress,
         )
         self.n_features_in_ = runs[0].X.shape[1]
-        self.report_ = with_provenance(report, self, pipeline.final.candidate, len(runs), whole.n_samples)
+        facts = pipeline.final.candidate, len(runs), whole.n_samples, progress.elapsed
+        self.report_ = with_provenance(report, self, *facts)
         self.augmented_ = pipeline.augmented()
         at_start = pipeline.carried().candidate.initial_states()
         first = pipeline.rows[pipeline.problem.record.starts]

@@ -46,7 +46,8 @@ class LawStage(DiagnosisState[C]):
             law = law_of(beside, self.problem.plant, found.shrink)
             found.law = replace(law, certified=law.certified and not self.did_not_stand(law))
             self.measure()  # above the noise of the simulator with the law
-            found.law = replace(found.law, share=share_of_law(found.shrink))
+            share = share_of_law(found.shrink)
+            found.law = replace(found.law, share=share) if found.law.certified or share > 0.0 else None
 
     def did_not_stand(self, law: Law) -> bool:
         """Whether a law is an effect of the catalogue that was asked and is not named: a constant."""

@@ -72,7 +72,7 @@ class DiagnosisPipeline(LawStage[C]):
                 warnings.warn(INTERRUPTED, UserWarning, stacklevel=3)
                 self.complete = self.access.complete = False
             with quiet():
-                return self.answer(time.perf_counter() - progress.started_at)
+                return self.answer()
 
     def ask(self, stage: Stage) -> None:
         """One stage, as far as there is time."""
@@ -226,7 +226,7 @@ class DiagnosisPipeline(LawStage[C]):
             _where.by_frequency(found.held.record, found.held.before, self.floor()),
         )
 
-    def answer(self, seconds: float) -> GapReport:
+    def answer(self) -> GapReport:
         """The report of what is known."""
         found, final, problem = self.found, self.final, self.problem
         verdict, reasons = self.decided()
@@ -249,7 +249,6 @@ class DiagnosisPipeline(LawStage[C]):
             states=problem.plant.states,
             inputs=problem.plant.inputs,
             traces=traces(found.held, self.labels, self.carried_law is not None),
-            seconds=seconds,
             reasons=reasons,
             budget=self.budget(),
             remainder=self.remainder(),
@@ -319,6 +318,7 @@ class DiagnosisPipeline(LawStage[C]):
         if verdict == "none" and found.shrink is not None:
             notes += _notes.on_none(found.shrink)
         notes += self.nearest_name() if verdict == "unknown" else []
+        notes += _notes.not_shown(self.search.not_shown(final.candidate)) if verdict == "unknown" else []
         notes += self.access.notes(final, verdict)
         notes += self.from_run_to_run() if verdict != "none" else []
         notes += [*_notes.at_a_bound(self.retuned()), *_notes.lost_candidates(list(self.search.lost))]

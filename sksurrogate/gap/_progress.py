@@ -65,6 +65,11 @@ class Progress:
         self.started_at = time.perf_counter()
         self.done, self.end = 0.0, 0.0
 
+    @property
+    def elapsed(self) -> float:
+        """Seconds since the beginning."""
+        return time.perf_counter() - self.started_at
+
     def stage(self, share: float) -> None:
         """The next stage begins, which takes this share of the whole."""
         self.done = self.end
@@ -72,7 +77,7 @@ class Progress:
 
     def say(self, message: str) -> None:
         """What is being done."""
-        elapsed = time.perf_counter() - self.started_at
+        elapsed = self.elapsed
         rest = remaining_seconds(elapsed, self.done)
         if rest is not None and self.time_limit is not None:
             rest = max(min(rest, self.time_limit - elapsed), 0.0)

@@ -34,8 +34,10 @@ OTHER_SETTINGS = (
 )
 
 
-def with_provenance(report: GapReport, diagnoser: Any, final: BaseCandidate, n_runs: int, n_rows: int) -> GapReport:
-    """The report with its sentence, its provenance, the nominal parameters, the units and the ranges of the signals."""
+def with_provenance(
+    report: GapReport, diagnoser: Any, final: BaseCandidate, n_runs: int, n_rows: int, seconds: float
+) -> GapReport:
+    """The report with its sentence, its provenance, the nominal parameters, the units, the ranges of the signals and the time it took."""
     plant = final.problem.plant
     provenance = Provenance(
         simulator=type(plant.simulator).__name__,
@@ -57,6 +59,7 @@ def with_provenance(report: GapReport, diagnoser: Any, final: BaseCandidate, n_r
         nominal={name: float(value) for name, value in plant.params.items() if isinstance(value, Real)},
         ranges=_ranges(final.signals),
         provenance=provenance,
+        seconds=seconds,
     )
     return replace(known, sentence=sentence_of(known))
 

@@ -64,7 +64,7 @@ def test_true_curves_are_the_formulae():
 
 
 def test_the_suggested_experiment_is_one_more_run(regional):
-    best = "a run with inputs of twice the amplitude"
+    best = "a run with inputs twice as far from their mean"
     question = follow(regional, {"next_experiment": {"best": best}})
     before = regional.question
     new = question.groups > before.groups.max()
@@ -82,7 +82,7 @@ def test_the_suggested_experiment_is_scored_against_the_same_run_again(regional)
     """The tied names are asked again, nothing else; leads in nats are read from twice the log likelihoods."""
     truth = regional.truths[0]
     effect = {"name": "drift", "location": "x", "variable": None, "equivalents": [list(truth.key)]}
-    best = {"best": "a run with inputs of twice the amplitude", "gain": 12.0}
+    best = {"best": "a run with inputs twice as far from their mean", "gain": 12.0}
     evidence = [["drift", "x", None, 50.0], [*truth.key, 48.0]]
     answer = {"effects": [effect], "next_experiment": best, "evidence": evidence}
     asked = []

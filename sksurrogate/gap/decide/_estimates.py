@@ -14,7 +14,7 @@ from sksurrogate.gap.decide._equivalence import EquivalenceClass
 from sksurrogate.gap.decide._partial_results import PartialResults
 from sksurrogate.gap.fit._evidence import C, Evidence
 from sksurrogate.gap.results._effect_estimate import EffectEstimate
-from sksurrogate.gap.results._next_experiment import TIED_LISTED, NextExperiment
+from sksurrogate.gap.results._next_experiment import NextExperiment, first_of
 from sksurrogate.gap.results._table import Table
 from sksurrogate.gap.search._base import BaseSearch
 from sksurrogate.gap.search._nested import richer as richer_form
@@ -158,9 +158,8 @@ def when_they_part(
         return f"Only richer forms ({', '.join(richer)}) explain these data as well; nothing in the data needs them."
     if not tied:
         return f"No other effect {among} explains these data as well."
-    listed = _first(tied)
     how = "predict the same" if same else "explain these data equally well"
-    return f"{named} and {listed} {how} on the range that was reached; {_part(named, tied, experiment)}."
+    return f"These data do not separate {named} from: {first_of(tied)}. They {how} on the range that was reached; {_part(named, tied, experiment)}."
 
 
 def _part(named: str, tied: Sequence[str], experiment: NextExperiment | None) -> str:
@@ -174,9 +173,4 @@ def _part(named: str, tied: Sequence[str], experiment: NextExperiment | None) ->
     record = experiment.options[0]["experiment"]
     if set(tied) <= set(experiment.parted):
         return f"{record} separates them"
-    return f"{record} separates it from {_first(experiment.parted)}; no experiment is known for the rest"
-
-
-def _first(names: Sequence[str]) -> str:
-    """The first of some names."""
-    return ", ".join(names[:TIED_LISTED]) + (" and more" if len(names) > TIED_LISTED else "")
+    return f"{record} separates it from {first_of(experiment.parted)}; no experiment is known for the rest"

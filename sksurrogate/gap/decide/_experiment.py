@@ -13,6 +13,7 @@ from sksurrogate.gap.decide._separations import Separations
 from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.results._next_experiment import ENOUGH, NATS_THAT_SETTLE, NextExperiment
 from sksurrogate.gap.results._table import Table
+from sksurrogate.gap.search._nested import richer as richer_form
 from sksurrogate.kernels.record import Record
 
 
@@ -76,11 +77,18 @@ LONGEST_EXPERIMENT, MOST_TIED = 400, 5
 def next_experiment(
     final: Evidence, classes: Sequence[EquivalenceClass], separations: Callable[..., Separations]
 ) -> NextExperiment | None:
-    """Which experiment separates the tied candidates best, in expected nats of log likelihood (``separations``)."""
-    its_class = max(classes, key=lambda s: len(s.twins), default=None)
-    if its_class is None or not its_class.twins:
+    """Which experiment separates the tied candidates best, in expected nats of log likelihood (``separations``).
+
+    Richer forms are not needed: no experiment is looked for that shows them.
+    """
+    rivals = [
+        (one, [twin.candidate for twin in one.twins if not richer_form(twin.effect, final.effects[one.index])])
+        for one in classes
+    ]
+    its_class, tied = max(rivals, key=lambda pair: len(pair[1]), default=(None, []))
+    if its_class is None or not tied:
         return None
-    record, tied = final.candidate.problem.record, [twin.candidate for twin in its_class.twins[:MOST_TIED]]
+    record, tied = final.candidate.problem.record, tied[:MOST_TIED]
     varied = variations(record, final.candidate.problem.plant.inputs)
     apart = {name: value for name, value in separations(final, tied, varied).items() if np.isfinite(value).any()}
     if not apart:
@@ -98,8 +106,8 @@ def variations(record: Record, names: Sequence[str]) -> dict[str, np.ndarray]:
     spread = np.max(np.abs(u - mean), axis=1, keepdims=True)
     varied = {
         "the same run again": u,
-        "a run with inputs of twice the amplitude": mean + 2 * (u - mean),
-        "a run with inputs of half the amplitude": mean + 0.5 * (u - mean),
+        "a run with inputs twice as far from their mean": mean + 2 * (u - mean),
+        "a run with inputs half as far from their mean": mean + 0.5 * (u - mean),
         "a run with inputs shifted up by their amplitude": u + spread,
         "a run with inputs twice as fast": u[:, (2 * index) % n],
         "a run with inputs half as fast": u[:, index // 2],

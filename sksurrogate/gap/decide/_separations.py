@@ -77,7 +77,7 @@ def of_ode(
     for h, state in enumerate(extra):
         seen = [*range(m), m + h]
         differences = [first[seen, 0] - other[seen, 0] for other in others]
-        apart[f"a sensor for {state}, inputs as they were"] = _separations(differences, starts[seen][:, :, 0], sd[seen])
+        apart[f"the same runs with {state} measured too"] = _separations(differences, starts[seen][:, :, 0], sd[seen])
     return apart
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from sklearn.utils.validation import check_is_fitted
 
+from sksurrogate.effects._catalogue import in_words
 from sksurrogate.exceptions import require
 from sksurrogate.gap.render._budget import fills, listed_parts, part_name
 from sksurrogate.gap.render._curves import balance_axis
@@ -155,7 +156,7 @@ class GapDisplay:
 
     def _ranking(self, ax: Any) -> None:
         rows = [row for row in self.report.ranking if np.isfinite(row["evidence"])][:8][::-1]
-        labels = [f"{r['name']} at {r['location']}" + (f" in {r['variable']}" if r["variable"] else "") for r in rows]
+        labels = [in_words(r["name"], r["location"], r["variable"]) for r in rows]
         colours = ["#000000" if r["named"] else "#999999" for r in rows]
         ax.barh(labels, [max(r["evidence"], 0.0) for r in rows], color=colours)
         most = max([r["evidence"] for r in rows] + [0.0])

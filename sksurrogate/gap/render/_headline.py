@@ -21,7 +21,7 @@ from sksurrogate.gap.render._values import (
     quantity,
 )
 from sksurrogate.gap.results._effect_estimate import EffectEstimate
-from sksurrogate.gap.results._next_experiment import ENOUGH, NATS_THAT_SETTLE, TIED_LISTED
+from sksurrogate.gap.results._next_experiment import ENOUGH, NATS_THAT_SETTLE, TIED_LISTED, first_of
 from sksurrogate.gap.results._reasons import UNDECIDED
 from sksurrogate.gap.results._report_data import ReportData
 
@@ -122,7 +122,7 @@ def _uncertain(report: ReportData) -> str:
     """The likeliest effects, none of which is certain."""
     likely, features = confidence(min(effect.probability for effect in report.effects)), report.reasons.features
     if not features.get("shown", True):
-        likely = "it does not show its form (an exponent at its bound, or a parameter that changes its sign)"
+        likely = "the data do not show its form (see the note)"
     elif not features.get("sized", True):
         likely = "the interval of a magnitude includes the value at which it does nothing"
     be = "is" if len(report.effects) == 1 else "are"
@@ -208,7 +208,9 @@ def related_forms(effect: EffectEstimate) -> list[str]:
         ("Simpler than {}, as good up to the tolerance", effect.simpler),
     )
     return [
-        f"{text.format(effect_text(effect))}: {first_of([key_text(k) for k in keys])}." for text, keys in kinds if keys
+        f"{text.format(key_text((effect.name, effect.location, effect.variable)))}: {first_of([key_text(k) for k in keys])}."
+        for text, keys in kinds
+        if keys
     ]
 
 
@@ -216,16 +218,6 @@ def not_identified(effect: EffectEstimate) -> list[str]:
     """Other effects that these data cannot tell from the named one, without its richer and simpler forms."""
     forms = set(map(tuple, [*effect.richer, *effect.simpler]))
     return [key_text(key) for key in effect.equivalents if tuple(key) not in forms]
-
-
-def first_of(names: Sequence[str]) -> str:
-    """The first names of a list, and how many more there are.
-
-    >>> first_of(["drag", "friction", "hysteresis", "lag", "bias", "gain"])
-    'drag; friction; hysteresis; lag; and 2 more'
-    """
-    more = len(names) - TIED_LISTED
-    return "; ".join([*names[:TIED_LISTED], *([f"and {more} more"] if more > 0 else [])])
 
 
 def separating(report: ReportData) -> list[dict]:

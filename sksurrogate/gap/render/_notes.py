@@ -7,8 +7,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from sksurrogate.effects._base_effect import BaseEffect
+from sksurrogate.effects._catalogue import name_of
 from sksurrogate.gap.decide._rules import PRACTICAL
-from sksurrogate.gap.render._values import percent, readable
+from sksurrogate.gap.render._values import percent
 from sksurrogate.gap.results._shrink import Shrink
 from sksurrogate.gap.results._table import Table
 
@@ -134,11 +135,20 @@ def nearest(effect: BaseEffect, theta: Sequence[float], left: float) -> str:
     'The law has no name. Of the catalogue, input saturation at force (limit 2.5) comes nearest:'
     """
     values = ", ".join(f"{parameter.name} {value:.4g}" for parameter, value in zip(effect.parameters, theta))
-    driver = f" in {effect.variable}" if effect.variable else ""
     return (
-        f"The law has no name. Of the catalogue, {readable(effect.name)} at {effect.location}{driver} ({values}) comes nearest: alone it "
+        f"The law has no name. Of the catalogue, {name_of(effect)} ({values}) comes nearest: alone it "
         f"leaves {percent(left)} of the gap in the data that it was fitted to."
     )
+
+
+def not_shown(effects: Sequence[BaseEffect]) -> list[str]:
+    """Effects whose typical form the data do not show, and what that is.
+
+    >>> from sksurrogate.effects import CATALOGUE
+    >>> not_shown([CATALOGUE["power_law"]("v", "v")])
+    ['Of power law at v the data do not show that the exponent is within its bounds, and nothing jumps at zero.']
+    """
+    return [f"Of {name_of(effect)} the data do not show that {effect.typical}." for effect in effects if effect.typical]
 
 
 def too_little(names: Sequence[str], where: str = "in the data") -> str:

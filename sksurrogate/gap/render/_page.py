@@ -12,7 +12,6 @@ from sksurrogate.gap.render._code import code_of
 from sksurrogate.gap.render._curves import curve_html, effect_html, form_of
 from sksurrogate.gap.render._headline import (
     changes,
-    first_of,
     headline,
     next_steps,
     not_identified,
@@ -104,7 +103,7 @@ def _named(effect: EffectEstimate, report: ReportData) -> str:
         effect_html(effect, report),
     ]
     if others:
-        parts.append(f"<p>These data do not separate it from: {escape(first_of(others))}. {escape(effect.why)}</p>")
+        parts.append(f"<p>{escape(effect.why)}</p>")
     parts += [f'<p class="small">{escape(text)}</p>' for text in related_forms(effect)]
     return "".join(parts)
 

@@ -109,7 +109,9 @@ def _facts_of(report: ReportData) -> tuple[tuple[str, str], ...]:
     shrink, origin = report.shrink, report.provenance
     low, high = (f"{100 * end:.1f}" for end in shrink.interval)
     closed = f"{percent(shrink.fraction)} [{low}, {high}]" if report.effects or len(report.retuned) else "-"
-    law = () if np.isnan(shrink.after_law) else (("RMSE with the law:", number(shrink.after_law)),)
+    law = (
+        () if report.law is None or np.isnan(shrink.after_law) else (("RMSE with the law:", number(shrink.after_law)),)
+    )
     return (
         ("Verdict:", report.verdict + ("" if report.complete else " (interrupted)")),
         ("Simulator:", origin.simulator or "-"),

@@ -5,13 +5,13 @@ from __future__ import annotations
 import textwrap
 
 from sksurrogate.gap.render._budget import budget_lines
-from sksurrogate.gap.render._headline import changes, first_of, headline, next_steps, not_identified, related_forms
+from sksurrogate.gap.render._headline import changes, headline, next_steps, not_identified, related_forms
 from sksurrogate.gap.render._law import law_lines
 from sksurrogate.gap.render._provenance import provenance_line
 from sksurrogate.gap.render._record import record_lines
 from sksurrogate.gap.render._tables import grid
 from sksurrogate.gap.render._units import TIME, labelled, range_text, unit_column
-from sksurrogate.gap.render._values import effect_text, percent
+from sksurrogate.gap.render._values import percent
 from sksurrogate.gap.render._waterfall import CAPTION, closed, waterfall
 from sksurrogate.gap.results._report_data import ReportData
 
@@ -53,8 +53,7 @@ def _changes(report: ReportData, width: int) -> list[str]:
         lines += [f"    {value}" for value in values]
     for effect in report.effects:
         others = not_identified(effect)
-        tied = f"These data do not separate {effect_text(effect)} from: {first_of(others)}. {effect.why}"
-        for text in [*([tied] if others else []), *related_forms(effect)]:
+        for text in [*([effect.why] if others else []), *related_forms(effect)]:
             lines += textwrap.wrap(text, width, initial_indent="  ", subsequent_indent="  ")
     return lines
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from sksurrogate.effects._catalogue import in_words
 from sksurrogate.effects._onset import WINDOW
 from sksurrogate.gap.render._units import TIME, parameter_unit, with_unit
 from sksurrogate.gap.results._effect_estimate import EffectEstimate, circumstances
@@ -85,8 +86,7 @@ def effect_text(effect: EffectEstimate) -> str:
 
 def key_text(key: Sequence[str | None]) -> str:
     """Name, place and driving signal of an effect, by its key."""
-    name, place, driver = key[:3]
-    return f"{readable(str(name))} at {place}" + (f", driven by {driver}" if driver and driver != place else "")
+    return in_words(str(key[0]), key[1], key[2])
 
 
 def is_wrong_parameter(effect: EffectEstimate) -> bool:

@@ -27,7 +27,10 @@ def waterfall(report: ReportData) -> list[tuple[str, float]]:
         (helps("parameters re-tuned", s.after_retuning), s.after_retuning),
         (helps("generic correction", s.after_correction), s.after_correction),
         ("with the effects", s.after if report.effects else np.nan),
-        (beside if law is None or law.certified else f"{beside} (not certified)", s.after_law),
+        (
+            beside if law is None or law.certified else f"{beside} (not certified)",
+            np.nan if law is None else s.after_law,
+        ),
         ("noise", s.floor),
     ]
     return [(label, float(value)) for label, value in rows if np.isfinite(value)]

@@ -71,7 +71,7 @@ class EffectEstimate:
     settled: bool = True
 
     def __str__(self) -> str:
-        driver = f" in {self.variable}" if self.variable else ""
+        driver = f", driven by {self.variable}" if self.variable and self.variable != self.location else ""
         return f"{self.name} at {self.location}{driver}{circumstances(self)}: {values_of(self)}; {weight_of(self)}"
 
 

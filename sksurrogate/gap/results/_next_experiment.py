@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from sksurrogate.gap.results._table import EMPTY, Table
@@ -11,6 +12,16 @@ NATS_THAT_SETTLE = 3.0
 ENOUGH = f"{NATS_THAT_SETTLE:g} are enough"
 #: Tied candidates that a line of text lists.
 TIED_LISTED = 4
+
+
+def first_of(names: Sequence[str]) -> str:
+    """The first names of a list, and how many more there are.
+
+    >>> first_of(["drag", "friction", "hysteresis", "lag", "bias", "gain"])
+    'drag; friction; hysteresis; lag; and 2 more'
+    """
+    more = len(names) - TIED_LISTED
+    return "; ".join([*names[:TIED_LISTED], *([f"and {more} more"] if more > 0 else [])])
 
 
 @dataclass(frozen=True)

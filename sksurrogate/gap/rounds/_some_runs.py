@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
@@ -66,7 +65,7 @@ def in_some_runs(begin: Begin, runs: Runs, record: Record, whole: Answer, progre
 
 def is_late(pipeline: DiagnosisPipeline[Any], progress: Progress) -> bool:
     """Whether there is no time for another diagnosis."""
-    return pipeline.time_limit is not None and time.perf_counter() - progress.started_at > SOON * pipeline.time_limit
+    return pipeline.time_limit is not None and progress.elapsed > SOON * pipeline.time_limit
 
 
 def asked_again(begin: Callable[[], DiagnosisPipeline[Any]], progress: Progress) -> Answer | None:

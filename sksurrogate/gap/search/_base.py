@@ -91,7 +91,11 @@ class BaseSearch(ABC, Generic[C]):
 
     def plausible(self, candidate: C) -> bool:
         """Whether the path of a candidate shows what makes each of its effects what it is."""
-        return True
+        return not self.not_shown(candidate)
+
+    def not_shown(self, candidate: C) -> list[BaseEffect]:
+        """The effects of a candidate whose typical form its path does not show."""
+        return []
 
     def carries(self, law: BaseEffect) -> bool:
         """Whether the simulator can have this law."""

@@ -69,13 +69,13 @@ class OdeSearch(Expander):
         """Of the free parameters, of steps of quantisation and of the initial states."""
         return prior_cost(candidate)
 
-    def plausible(self, candidate: OdeCandidate) -> bool:
-        """Whether its path shows what makes each of its effects what it is; a path that breaks shows nothing else."""
+    def not_shown(self, candidate: OdeCandidate) -> list[BaseEffect]:
+        """The effects whose typical form its path does not show; a path that breaks shows nothing else."""
         problem, x = candidate.problem, candidate.states
         if not np.isfinite(x).all():
-            return True
+            return []
         pairs = ((effect, candidate.theta_of(i)) for i, effect in enumerate(candidate.effects))
-        return all(e.plausible(tuple(theta), probe_of(problem, e, x, problem.rate)) for e, theta in pairs)
+        return [e for e, theta in pairs if not e.plausible(tuple(theta), probe_of(problem, e, x, problem.rate))]
 
     def fit_null(self) -> Evidence:
         problem, theta = self.problem, np.zeros(len(self.problem.free))
