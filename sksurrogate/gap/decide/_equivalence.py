@@ -12,6 +12,7 @@ from sksurrogate.effects._base_effect import BaseEffect
 from sksurrogate.effects._catalogue import CATALOGUE
 from sksurrogate.effects._onset import Starting
 from sksurrogate.gap.decide._contenders import swaps
+from sksurrogate.gap.decide._one_factor import is_same_factor
 from sksurrogate.gap.decide._posterior import Posterior
 from sksurrogate.gap.fit._backend import BaseCandidate
 from sksurrogate.gap.fit._evidence import FEW_STEPS, C, Evidence, estimate_noise, judged_under
@@ -67,7 +68,10 @@ def _with_as_likely(
 
 
 def _class_in_place(search: BaseSearch[C], final: Evidence[C], i: int) -> EquivalenceClass[C]:
-    """What could stand in the place of effect i: candidates fitted there that are within :data:`EQUAL` under the final noise model."""
+    """What could stand in the place of effect i: candidates fitted there that are within :data:`EQUAL` under the final noise model.
+
+    Parameters that act alike are one factor: the curve that each gives it does not tell them apart.
+    """
     named, own = final.candidate, final.effects[i].key
 
     def worth(candidate: C) -> float:
@@ -81,6 +85,7 @@ def _class_in_place(search: BaseSearch[C], final: Evidence[C], i: int) -> Equiva
         elif candidate.fit.cost < final.fit.cost + CLOSE:
             # Readings in steps have slopes that promise what no fit keeps.
             level, itself = min(level, value), itself or candidate
+    alike = [one for _, one in found if is_same_factor(one, named, i, search.tolerance)]
     found = _with_own_noise(search, final, level, found)
     twins: list[Twin[C]] = []
     size = len(final.effects[i].parameters)
@@ -93,6 +98,8 @@ def _class_in_place(search: BaseSearch[C], final: Evidence[C], i: int) -> Equiva
                 search.richer.setdefault(final.effects[i].key, []).append(candidate.effects[-1].key)
         else:
             twins.append(Twin(candidate, same))
+    known = [twin.candidate for twin in twins]
+    twins += [Twin(one, predicts_the_same(one, final)) for one in alike if one not in known]
     return EquivalenceClass(i, twins, itself)
 
 

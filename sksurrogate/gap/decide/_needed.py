@@ -8,6 +8,7 @@ from typing import Any
 
 from sksurrogate.effects._base_effect import BaseEffect
 from sksurrogate.gap.decide._intervals import not_sized_beside_others
+from sksurrogate.gap.decide._one_factor import parts_of_one_factor
 from sksurrogate.gap.fit._closeness import MOST_LEFT, SETTLED
 from sksurrogate.gap.fit._evidence import C, Evidence, estimate_noise
 from sksurrogate.gap.search._nested import QUANTIZERS, driven_alike, of_one_curve, of_one_law
@@ -28,6 +29,7 @@ def needed_only(search: SetSearch[C], final: Evidence[C]) -> Evidence[C]:
     of one law, and of two curves of one signal at one place, one is enough where it closes the gap up to the tolerance: no form is exact
     on a real plant. So it is of effects whose magnitudes these data do not show beside each other, and of a rare one that is needed
     least of all and is driven as another: what has a state, a clock or two signals follows what the form of that one leaves.
+    Parameters that act alike and follow one signal are one: both are never named.
 
     What is taken out is compared with the whole set: several effects may be needed where none of them alone is. At the noise an effect whose
     magnitude the data do not show at all, as one whose states imitate initial states, is taken out where it closes less than the tolerance.
@@ -45,6 +47,9 @@ def _without_needless(search: SetSearch[C], final: Evidence[C], whole: float) ->
     """
     if len(final.effects) < 2:
         return None
+    one_factor = _nearest_without(search, final, parts_of_one_factor(final.candidate, search.tolerance))
+    if one_factor is not None:
+        return one_factor
     among_others, not_at_all = not_sized_beside_others(final)
     not_shown = _nearest_without(search, final, not_at_all) if final.left <= SETTLED else None
     if not_shown is not None and not_shown.fit.cost - final.fit.cost <= search.tolerated_cost:
