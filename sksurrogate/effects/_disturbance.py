@@ -61,11 +61,16 @@ class PeriodicDisturbance(BalanceEffect):
     )
     equation = "+ c sin(w t + phase)"
     signature = "a line in the spectrum of the residual that the input does not have"
+    typical = "three quarters of a period fit into the runs"
     twins = ("drift", "hidden_mode")
 
     def term(self, t: Any, x: np.ndarray, v: Any, theta: Sequence[Any], width: float) -> Any:
         """``c sin(w t + phase)``."""
         return theta[0] * np.sin(theta[1] * t + theta[2]) + np.zeros_like(x)
+
+    def plausible(self, theta: Sequence[float], probe: Probe) -> bool:
+        """It comes back within the runs: a frequency at its lower bound is a slower curve of time."""
+        return bool(theta[1] > 1.001 * self.lower_bounds(probe.duration)[1])
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
         """Sine and cosine at every frequency that the longest run resolves."""

@@ -129,7 +129,7 @@ def test_what_the_other_runs_choose_stands_in_the_error_on_a_run_left_out():
     np.testing.assert_array_equal(mixed.after[:, ~second], right[:, ~second])
     assert mixed.same_names == 0.75
     (note,) = notes_on_names([one.effects for one in (bias, loss, bias, bias)], bias.effects, mixed, list("abcd"))
-    assert "without run 'b' linear_loss at level in level" in note
+    assert "without run 'b' linear loss at level" in note
     assert notes_on_names([bias.effects] * RUNS, bias.effects, mixed, list("abcd")) == []
 
 

@@ -80,7 +80,7 @@ def test_a_loss_that_sets_in_is_a_law_and_no_stop_with_a_correction():
     assert law.location == "room" and law.variables == ("room",) and law.certified
     assert report.shrink.fraction_law > 0.99
     (said,) = (note for note in report.notes if "comes nearest" in note)
-    assert "at room in room (" in said and re.search(r"alone it leaves 1[3-6]\.\d % of the gap", said)
+    assert " at room (" in said and re.search(r"alone it leaves 1[3-6]\.\d % of the gap", said)
 
 
 def test_a_sensor_that_reads_its_own_noise_explains_no_noise():

@@ -26,7 +26,7 @@ class Planned(DiagnosisPipeline):
         if stage.name == "record" and self.after is not None:
             self.book = self.after
 
-    def answer(self, seconds):
+    def answer(self):
         return self.record
 
 

@@ -65,8 +65,8 @@ def test_inputs_that_could_be_applied_are_what_their_names_say():
     mean, away = u.mean(axis=1), u - u.mean(axis=1, keepdims=True)
     spread = np.abs(away).max(axis=1)
     np.testing.assert_array_equal(varied.pop("the same run again"), u)
-    for words, factor in [("twice the amplitude", 2.0), ("half the amplitude", 0.5)]:
-        np.testing.assert_allclose(varied.pop(f"a run with inputs of {words}"), mean[:, None] + factor * away)
+    for words, factor in [("twice as far from their mean", 2.0), ("half as far from their mean", 0.5)]:
+        np.testing.assert_allclose(varied.pop(f"a run with inputs {words}"), mean[:, None] + factor * away)
     shifted = varied.pop("a run with inputs shifted up by their amplitude")
     np.testing.assert_allclose(shifted - u, np.tile(spread[:, None], 40))
     np.testing.assert_array_equal(varied.pop("a run with inputs twice as fast")[:, :20], u[:, ::2])

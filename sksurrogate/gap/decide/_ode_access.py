@@ -39,7 +39,7 @@ PIECES_NOTE = (
     "The candidates were compared on {some} of {whole} samples, in pieces spread over the record; what is named was fitted on more "
     "of them."
 )
-KINK_NOTE = "The kink of {name} is round: it turns over about {width:.3g} of {variable} to each side, as fitted."
+KINK_NOTE = "The kink of {name} is fitted as a smooth turn, about {width:.3g} wide in {variable} on each side."
 
 
 def lost_places(names: Sequence[str]) -> list[str]:

@@ -9,8 +9,8 @@ from sksurrogate.kernels.record import Record
 
 UNSTABLE_NOTE = (
     "The simulator is unstable along the data: small differences grow beyond what the noise allows to follow. Free runs therefore "
-    "start again every {rows} rows, with initial states of their own. Diagnose the plant with its controller "
-    "(ClosedLoopSimulator) to compare whole runs."
+    "start again every {rows} rows, with initial states of their own, and slow effects are hard to tell apart. With its controller "
+    "(ClosedLoopSimulator) the plant can be compared over whole runs."
 )
 
 

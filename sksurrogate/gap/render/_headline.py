@@ -242,6 +242,8 @@ def _steps(report: ReportData) -> list[str]:
     if report.reasons.rule == "other_unit":
         return ["Write dt and the data as the simulator has them (a note says what fits), and diagnose again."]
     if report.verdict == "none":
+        if report.shrink.measurable and report.shrink.before >= PRACTICAL:
+            return ["Repeat a run with the same inputs: what comes back is an effect, what does not is a disturbance."]
         return ["To look further, excite the plant harder or over a wider range, and record again."]
     steps = _to_separate(report)
     if report.verdict in ("explained", "partial"):
