@@ -36,6 +36,9 @@ class Twin(Generic[C]):
 
     candidate: C
     same: bool  #: Whether its prediction is the same within a fraction of the noise
+    one_factor: bool = (
+        False  #: Whether it is the named effect at a parameter that acts alike: only knowledge of the plant decides
+    )
 
     @property
     def effect(self) -> BaseEffect:
@@ -85,7 +88,6 @@ def _class_in_place(search: BaseSearch[C], final: Evidence[C], i: int) -> Equiva
         elif candidate.fit.cost < final.fit.cost + CLOSE:
             # Readings in steps have slopes that promise what no fit keeps.
             level, itself = min(level, value), itself or candidate
-    alike = [one for _, one in found if is_same_factor(one, named, i, search.tolerance)]
     found = _with_own_noise(search, final, level, found)
     twins: list[Twin[C]] = []
     size = len(final.effects[i].parameters)
@@ -98,9 +100,10 @@ def _class_in_place(search: BaseSearch[C], final: Evidence[C], i: int) -> Equiva
                 search.richer.setdefault(final.effects[i].key, []).append(candidate.effects[-1].key)
         else:
             twins.append(Twin(candidate, same))
-    known = [twin.candidate for twin in twins]
-    twins += [Twin(one, predicts_the_same(one, final)) for one in alike if one not in known]
-    return EquivalenceClass(i, twins, itself)
+    known = {twin.effect.key for twin in twins}
+    fitted = [one for one in swaps(search, named) if own not in one.keys and one.keys[-1] not in known]
+    alike = [one for one in fitted if is_same_factor(one, named, i, search.tolerance)]
+    return EquivalenceClass(i, [*twins, *(Twin(one, False, one_factor=True) for one in alike)], itself)
 
 
 def predicts_the_same(candidate: BaseCandidate, final: Evidence) -> bool:

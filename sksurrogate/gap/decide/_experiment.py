@@ -79,12 +79,14 @@ def next_experiment(
 ) -> NextExperiment | None:
     """Which experiment separates the tied candidates best, in expected nats of log likelihood (``separations``).
 
-    Richer forms are not needed: no experiment is looked for that shows them.
+    Richer forms are not needed, and no experiment tells parameters of one factor apart.
     """
-    rivals = [
-        (one, [twin.candidate for twin in one.twins if not richer_form(twin.effect, final.effects[one.index])])
-        for one in classes
-    ]
+
+    def rivals_of(one: EquivalenceClass) -> list[Any]:
+        own = final.effects[one.index]
+        return [twin.candidate for twin in one.twins if not (twin.one_factor or richer_form(twin.effect, own))]
+
+    rivals = [(one, rivals_of(one)) for one in classes]
     its_class, tied = max(rivals, key=lambda pair: len(pair[1]), default=(None, []))
     if its_class is None or not tied:
         return None

@@ -33,7 +33,7 @@ def parts_of_one_factor(candidate: BaseCandidate, tolerance: float) -> list[int]
 
 
 def is_same_factor(candidate: BaseCandidate, named: BaseCandidate, i: int, tolerance: float) -> bool:
-    """Whether the last effect of a candidate is effect i of another at a parameter that acts alike."""
+    """Whether the last effect of a candidate is effect i of another, at a parameter that acts alike."""
     one, own = candidate.effects[-1], named.effects[i]
     same = isinstance(one, ParameterEffect) and (one.name, one.variable) == (own.name, own.variable)
     return same and are_alike(_moved(candidate, len(candidate.effects) - 1), _moved(named, i), tolerance)
