@@ -10,6 +10,7 @@ import numpy as np
 from sksurrogate.gap.decide._rules import PRACTICAL
 from sksurrogate.gap.render._units import TIME
 from sksurrogate.gap.render._values import (
+    MORE_LIKELY_THAN_NOT,
     change_of,
     confidence,
     effect_text,
@@ -79,7 +80,7 @@ def _verdict(report: ReportData) -> str:
         return _no_gap(report)
     if report.verdict in ("explained", "partial"):
         part, rest = (" in part", _what_remains(report)) if report.verdict == "partial" else ("", "")
-        return f"The gap is explained{part} by {_named(report)}{_which_closes(report)}.{rest}"
+        return f"The gap is explained{part} by {_named(report)}{_which_closes(report)}.{_doubtful(report)}{rest}"
     if report.reasons.rule == "other_unit":
         return "The record seems to be written otherwise than the simulator expects: in another unit, or with columns exchanged."
     return _uncertain(report) if report.reasons.rule == "uncertain_names" else _unknown(report)
@@ -107,6 +108,15 @@ def _which_closes(report: ReportData) -> str:
     """The same as a relative clause."""
     closed = _closed(report)
     return f", which {closed}" if closed else ""
+
+
+def _doubtful(report: ReportData) -> str:
+    """That a name closes the gap, and yet something else is likelier to be its cause; empty where that is not so."""
+    doubtful = [effect for effect in report.effects if effect.probability < MORE_LIKELY_THAN_NOT]
+    if not doubtful:
+        return ""
+    names, it = joined([effect_text(effect) for effect in doubtful]), "it" if len(doubtful) == 1 else "them"
+    return f" That {names} act{'s' if len(doubtful) == 1 else ''} is uncertain: beside such a rest another cause may look like {it}."
 
 
 def _no_gap(report: ReportData) -> str:

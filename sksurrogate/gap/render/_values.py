@@ -13,7 +13,8 @@ from sksurrogate.gap.render._units import TIME, parameter_unit, with_unit
 from sksurrogate.gap.results._effect_estimate import EffectEstimate, circumstances
 
 #: Probability from which a word applies, the first that is reached: the words of the reports on climate change (IPCC).
-WORDS = ((0.9, "very likely"), (0.66, "likely"), (0.5, "more likely than not"), (0.0, "uncertain"))
+MORE_LIKELY_THAN_NOT = 0.5
+WORDS = ((0.9, "very likely"), (0.66, "likely"), (MORE_LIKELY_THAN_NOT, "more likely than not"), (0.0, "uncertain"))
 
 
 def number(value: float, digits: int = 4) -> str:
