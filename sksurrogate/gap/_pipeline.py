@@ -38,7 +38,7 @@ from sksurrogate.gap.decide._rules import certified, share_left
 from sksurrogate.gap.decide._run_to_run import differs, run_to_run
 from sksurrogate.gap.faults._record_book import faults_of
 from sksurrogate.gap.fit._closed_loop import LOOP, closed_loop
-from sksurrogate.gap.fit._closeness import AT_THE_NOISE, FAR
+from sksurrogate.gap.fit._closeness import AT_THE_NOISE, NEARLY_WHITE
 from sksurrogate.gap.fit._evidence import C, estimate_noise
 from sksurrogate.gap.render import _notes
 from sksurrogate.gap.render._report import GapReport
@@ -326,7 +326,7 @@ class DiagnosisPipeline(LawStage[C]):
         errors = {str(final.effects[i].location): float(final.candidate.theta_of(i)[0]) for i in wrong}
         notes += _notes.changed_signs(problem.plant.params, errors)
         loop = closed_loop(problem.record, final.fit.y, problem.plant.inputs)
-        if loop is not None and final.left < FAR:  # what is left must be noise, not the gap itself
+        if loop is not None and final.left < NEARLY_WHITE:  # what is left must be noise, not the gap itself
             notes.append(LOOP.format(name=loop))
         return [*notes, *_notes.of_the_inputs(problem.plant.inputs, problem.record.u)]
 

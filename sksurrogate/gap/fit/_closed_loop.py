@@ -24,8 +24,8 @@ LOOP_PIECES = 4
 FEWEST_MOVES = 60
 
 LOOP = (
-    "Input {name!r} follows the noise of the outputs: the data look closed-loop. Effects that the controller hides are "
-    "underestimated and noise reaches the inputs; add a reference signal or open the loop for a run."
+    "Input {name!r} follows the noise of the outputs: the data look closed-loop. Noise reaches the inputs, and effects that the "
+    "controller hides may be underestimated. Give the controller (ClosedLoopSimulator), or open the loop for a run."
 )
 
 
