@@ -139,10 +139,11 @@ class BoundFitModel:
     def __call__(self, x: np.ndarray, rows: np.ndarray | None = None) -> np.ndarray:
         """States (n_states, n_columns, n_samples) one sample later; with ``rows``, only those samples."""
         m, shape = self.m, x.shape
-        if rows is None and m.linear is not None:
+        if rows is None and not m.inner.bent and m.linear is not None:
             after = m.linear.after(x, self.theta)
             if after is not None:
                 return after
+            m.inner.bent = True
         t, mean, half = m.points(shape[1]) if rows is None else m.points_at(rows, shape[1])
         params, steps = self.params(shape[2]), m.record.steps
         if steps is not None:

@@ -20,7 +20,7 @@ class LinearMap:
     """Whether a right-hand side is linear along states and inputs, and its exact map if it is.
 
     It is read off by differences over the range of the data, and compared with the right-hand side at the samples whenever a map is asked
-    for: a plant may be linear for some parameters only, or in a part of its range. One that was not linear is not asked again.
+    for: a plant may be linear for some parameters only, or in a part of its range.
 
     ``t`` (n_samples,), ``u`` (n_inputs, n_samples): times, and inputs at the samples.
     ``rise`` (n_inputs, n_samples): by what they rise until the next sample; None where they are held.
@@ -31,20 +31,16 @@ class LinearMap:
         self.derivative, self.t, self.dt = derivative, t, dt
         self.u = np.concatenate([u, np.ones((1, len(t)))])  # a constant is an input of 1
         self.rise = None if rise is None else np.concatenate([rise, np.zeros((1, len(t)))])
-        self.holds = True
 
     def after(self, x: np.ndarray, theta: np.ndarray) -> np.ndarray | None:
         """States (n_states, n_columns, n_samples) one sample later; None where the plant is not linear.
 
         ``theta`` (n_theta, n_columns), or (n_theta, 1) for all.
         """
-        if not self.holds:
-            return None
         own, which = _distinct(theta)
         with np.errstate(all="ignore"):
             law = self._law(x[:, 0], own)
         if law is None:
-            self.holds = False
             return None
         n, order = len(x), 0 if self.rise is None else 1
         maps = [hold_maps(one[:, :n], one[:, n:], self.dt, order) for one in law]
@@ -61,12 +57,14 @@ class LinearMap:
     def _law(self, x: np.ndarray, theta: np.ndarray) -> np.ndarray | None:
         """``[A, B, b]`` of every column of theta, (n_columns, n_states, n_states + n_inputs + 1); None where one is not linear."""
         signals = np.concatenate([x, self.u[:-1]])
+        some = np.unique(np.linspace(0, len(self.t) - 1, _PROBES).astype(int))
+        if not self._is_straight(signals[:, some], len(x), theta[:, :1]):
+            return None
         first, steps = signals[:, :1], _steps(signals)
         points = np.concatenate([first, first + np.diag(steps)], axis=1)
         values = self._at(np.full(points.shape[1], self.t[0]), points, len(x), theta)
         slopes = (values[..., 1:] - values[..., :1]) / steps
         constant = values[..., :1] - slopes @ first
-        some = np.unique(np.linspace(0, len(self.t) - 1, _PROBES).astype(int))
         for k, rows in ((1, slice(None)), (theta.shape[1], some)):
             found = self._at(self.t[rows], signals[:, rows], len(x), theta[:, :k])
             off = np.abs(found - slopes[:k] @ signals[:, rows] - constant[:k])
@@ -74,6 +72,13 @@ class LinearMap:
             if not np.all(off <= NOT_LINEAR * terms + np.finfo(float).tiny):
                 return None
         return np.concatenate([slopes, constant], axis=2)
+
+    def _is_straight(self, signals: np.ndarray, n: int, theta: np.ndarray) -> bool:
+        """Whether the right-hand side halfway between samples is the mean of theirs: a look that most plants fail."""
+        other = signals[:, ::-1]
+        points = np.concatenate([signals, other, (signals + other) / 2.0], axis=1)
+        here, there, halfway = np.split(self._at(np.full(points.shape[1], self.t[0]), points, n, theta), 3, axis=2)
+        return bool(np.all(np.abs(halfway - (here + there) / 2.0) <= NOT_LINEAR * (np.abs(here) + np.abs(there))))
 
     def _at(self, t: np.ndarray, points: np.ndarray, n: int, theta: np.ndarray) -> np.ndarray:
         """Right-hand side (n_columns, n_states, n_points) of every column of theta at the same points (n_states + n_inputs, n_points)."""

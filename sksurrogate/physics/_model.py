@@ -34,6 +34,7 @@ class PlantModel:
         ported = wired(plant)
         #: All that the user's functions raised at points that they refused.
         self.raised: dict[str, None] = {}
+        self.bent = False  #: Whether the right-hand side was found not to be linear along some data
 
         def pointwise(what: str, names: Sequence[str]) -> PointwiseFunction:
             return PointwiseFunction(

@@ -38,7 +38,7 @@ def test_a_step_is_that_of_the_matrix_exponential(hold):
     both = np.concatenate([x, x], axis=1)
     after = fit.bind(np.array([[40.0], [0.0]]))(both[:, None])[:, 0]
     assert np.allclose(after[:, :29], x[:, 1:], rtol=0, atol=1e-12)
-    fit.linear.holds = False
+    fit.inner.bent = True
     assert np.max(np.abs(fit.bind(np.array([[40.0], [0.0]]))(both[:, None])[:, 0, :29] - x[:, 1:])) > 1e-3
 
 
@@ -75,9 +75,9 @@ def test_what_is_linear_in_a_part_only_is_not_stepped_as_linear(rhs, theta):
     x = rng.uniform(-0.5, 0.5, (2, 3, 60))
     x[0, 0, 41] = 1.0
     moved = fit.bind(columns)(x)
-    assert not fit.linear.holds
+    assert fit.inner.bent
     again = model(simulator(rhs), fit.record.u[0], n_sub=4)
-    again.linear.holds = False
+    again.inner.bent = True
     assert np.array_equal(moved, again.bind(columns)(x))
 
 
