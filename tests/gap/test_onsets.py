@@ -159,3 +159,23 @@ def test_in_one_run_a_gain_that_sets_in_and_the_jump_of_its_parameter_are_one_cl
     assert effect.name == "parameter_step"  # what jumps by itself is named before what begins
     low, high = effect.intervals["onset" if "onset" in effect.intervals else "time"]
     assert low <= 17.3 <= high and high - low < 0.3
+
+
+def spindle(t, x, u, p):
+    return [(0.9 * x[1] - p["b"] * x[0]) / 0.09, (u[0] - 1.4 * x[1] - 0.9 * x[0]) / 0.03]
+
+
+def test_what_begins_is_found_beside_a_free_parameter():
+    """A re-tuning to the whole record spreads over it what begins within: from the parameters as they are given it is seen where it is."""
+    nominal = ODESimulator(spindle, states=["w", "i"], inputs=["u"], outputs=["w", "i"], params={"b": 0.05}, dt=0.02)
+    brake = starting(CATALOGUE["coulomb_friction"]("w", "w"))
+    plant = AugmentedSimulator(nominal, [brake], [{"level": 14.4, "onset": 2.5}])
+    rng = np.random.default_rng(311)
+    U = np.repeat(rng.uniform(-24, 24, (3, 12, 1)), 20, axis=1)
+    Y = np.stack([plant.simulate(u) for u in U]) + np.array([0.2, 0.12]) * rng.normal(size=(3, 240, 2))
+    effects = ["coulomb_friction", "parameter_step", "linear_loss"]
+    diagnoser = GapDiagnoser(nominal, effects=effects, free_params=["b"], n_jobs=1, random_state=0)
+    report = diagnoser.fit(U.reshape(-1, 1), Y.reshape(-1, 2), groups=np.repeat(np.arange(3), 240)).report_
+    assert report.verdict == "explained" and [effect.name for effect in report.effects] == ["coulomb_friction"]
+    params = report.effects[0].params
+    assert params["onset"] == pytest.approx(2.5, abs=0.04) and params["level"] == pytest.approx(14.4, rel=0.03)

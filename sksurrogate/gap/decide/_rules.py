@@ -177,7 +177,7 @@ RULES: tuple[Rule, ...] = (
         "unnamed_and_far",
         lambda f: f.left > NEAR and not leaves_a_disturbance(f),
         "unknown",
-        "The free run is off the data, no effect explains it, and what is left is no disturbance.",
+        "The free run is off the data, no effect explains it, and what is left is lawful, or too large to be taken for a disturbance.",
     ),
     Rule("none", lambda f: True, "none", "Only noise and disturbance remain."),
 )

@@ -26,6 +26,8 @@ from sksurrogate.gap.results._next_experiment import ENOUGH, NATS_THAT_SETTLE, T
 from sksurrogate.gap.results._reasons import UNDECIDED
 from sksurrogate.gap.results._report_data import ReportData
 
+#: What tells a disturbance from an effect.
+REPEAT = "Repeat a run with the same inputs: what comes back is an effect, what does not is a disturbance."
 #: A formula longer than this (characters) is not read in a sentence.
 LONGEST_LINE = 80
 
@@ -147,7 +149,15 @@ def _unknown(report: ReportData) -> str:
         return f"Something is missing, and these data do not show where.{not_enough}"
     place = _place(report.where.kind, report.where.location)
     text = f"Something that is not in the catalogue is missing, most likely at {place}."
+    if _may_be_a_disturbance(report):
+        text = f"No effect and no law explains the gap: a large disturbance, or something that is not in the catalogue, most likely at {place}."
     return f"{text}{not_enough}{_with_law(report) or _nearest_law(report)}"
+
+
+def _may_be_a_disturbance(report: ReportData) -> bool:
+    """Whether most of a gap without a name follows no law either."""
+    shares = [row["share"] for row in report.budget if row["kind"] == "disturbance"]
+    return report.reasons.rule == "unnamed_and_far" and sum(shares) > 0.5
 
 
 def sentence_of(report: ReportData) -> str:
@@ -253,9 +263,9 @@ def _steps(report: ReportData) -> list[str]:
         return ["Write dt and the data as the simulator has them (a note says what fits), and diagnose again."]
     if report.verdict == "none":
         if report.shrink.measurable and report.shrink.before >= PRACTICAL:
-            return ["Repeat a run with the same inputs: what comes back is an effect, what does not is a disturbance."]
+            return [REPEAT]
         return ["To look further, excite the plant harder or over a wider range, and record again."]
-    steps = _to_separate(report)
+    steps = [REPEAT] if _may_be_a_disturbance(report) else _to_separate(report)
     if report.verdict in ("explained", "partial"):
         steps.append("Use diagnoser.augmented_ as the new simulator.")
     if report.verdict in ("partial", "unknown"):

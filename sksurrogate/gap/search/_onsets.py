@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from sksurrogate.effects._base_effect import BaseEffect
 from sksurrogate.effects._onset import EDGE_SHARES, WINDOW_SHARES, Starting, can_start, starting
-from sksurrogate.gap.fit._closeness import AT_THE_NOISE, MOST_LEFT
+from sksurrogate.gap.fit._closeness import AT_THE_NOISE, HALF_THE_POWER
 from sksurrogate.gap.fit._evidence import CERTAIN
 from sksurrogate.gap.fit._normal_equations import project_starts
 from sksurrogate.gap.fit._ode import OdeCandidate
@@ -157,6 +157,24 @@ def fewer_with_a_time(one: OdeCandidate, other: OdeCandidate) -> bool:
     return timed and len(one.effects) < len(other.effects)
 
 
+def _bases(search: Expander) -> list[tuple[OdeCandidate, Screen]]:
+    """The simulator alone with its screen, re-tuned and as it is given: a re-tuning to the whole record spreads over it what began within."""
+    null = search.fitted_null.candidate
+    if search.first_screen is None:  # what is asked has changed since
+        search.base_and_screen(null)
+    assert search.first_screen is not None
+    given = null.at_nominal() if search.problem.free else None
+    return [(null, search.first_screen), *([search.base_and_screen(given, search.asked)] if given is not None else [])]
+
+
+def _promising(base: OdeCandidate, about: Screen, search: Expander, most: float) -> dict[Any, Starting]:
+    """The best effects within a window that are expected to leave at most so much; what seems to end may go on to where the runs end."""
+    found = confined(about, search.problem.record.lengths, search.needed_gain(2))[:MOST_WINDOWED]
+    near = [one for one in found if base.fit.cost - one.drop < most]
+    windows = [starting(one.effect, span) for one in near for span in dict.fromkeys((one.span, one.span[:1]))]
+    return {one.key: one for one in windows}
+
+
 def look_for_onsets(search: Expander) -> None:
     """Where what stands leaves something, or takes several names: the best effects in windows of time in its place.
 
@@ -167,33 +185,31 @@ def look_for_onsets(search: Expander) -> None:
     explained = final.left < AT_THE_NOISE
     if null.left < AT_THE_NOISE or (explained and len(final.effects) == 1):
         return
-    if search.first_screen is None:  # what is asked has changed since
-        search.base_and_screen(null.candidate)
-    assert search.first_screen is not None
-    left_by = search.first_screen.left_by
-    # edges lie apart here: up to half of what the null leaves (amplitude) may be theirs
-    most = max(in_vain_from(final.candidate, null.candidate), MOST_LEFT**2 * null.fit.cost)
+    # edges lie apart here, and the screen is linear: up to half of what the null leaves (power) may be theirs
+    most = max(in_vain_from(final.candidate, null.candidate), HALF_THE_POWER**2 * null.fit.cost)
     if len(final.effects) == 1 and final.candidate.fit.cost < search.tolerated_cost:
         # an edge just before that of an effect which always being there nearly tells leaves no more than that
         most = min(most, final.candidate.fit.cost)
-    found = confined(search.first_screen, search.problem.record.lengths, search.needed_gain(2))[:MOST_WINDOWED]
-    found = [one for one in found if left_by[0] - one.drop < most]
-    if not found:
-        return
-    search.report("effects that begin or end within the runs")
-    windowed = [starting(one.effect, one.span) for one in found]
-    n_windows = sum(len(WINDOW_SHARES if len(one.span) > 1 else EDGE_SHARES) for one in found)
-    base = null.candidate
-    trial = search.ranked(search.expand(base, Wanted(MOST_WINDOWED, 2, windowed, least=left_by[0] - most)), base)
+    windowed: dict[Any, Starting] = {}
+    trial: list[OdeCandidate] = []
+    for base, about in _bases(search):
+        promising = _promising(base, about, search, most)
+        if promising:
+            search.report("effects that begin or end within the runs")
+            least = about.left_by[0] - most
+            trial += search.expand(base, Wanted(len(promising), 2, list(promising.values()), least=least))
+            windowed |= promising
+    trial = search.ranked(trial, null.candidate)
     if not trial:
         return
+    n_windows = sum(len(WINDOW_SHARES if len(one.span) > 1 else EDGE_SHARES) for one in windowed.values())
     top = search.best_polished(trial)
     stands = final.candidate
     worth = search.order([top, stands])
     price = 0.0 if fewer_with_a_time(top, stands) else CERTAIN + 2.0 * np.log(n_windows)
-    if 2.0 * (worth(top) - worth(stands)) < price or grows_in_vain(top, stands, base):
+    if 2.0 * (worth(top) - worth(stands)) < price or grows_in_vain(top, stands, null.candidate):
         return
-    search.library.extend(windowed)
+    search.library.extend(windowed.values())
     search.stand(top)
     if search.judged[top].left > AT_THE_NOISE:
         better = search.one_more(top, True)
