@@ -15,6 +15,7 @@ from sksurrogate.gap.decide._contenders import swaps
 from sksurrogate.gap.decide._one_factor import is_same_factor
 from sksurrogate.gap.decide._posterior import Posterior
 from sksurrogate.gap.fit._backend import BaseCandidate
+from sksurrogate.gap.fit._closeness import MOST_LEFT
 from sksurrogate.gap.fit._evidence import FEW_STEPS, C, Evidence, estimate_noise, judged_under
 from sksurrogate.gap.search._base import EQUAL, BaseSearch
 from sksurrogate.gap.search._nested import richer
@@ -192,10 +193,11 @@ def _first_twin(
 ) -> Twin[C] | None:
     """The twin that comes before the named effect: an exact one, or one with fewer parameters. None where that is the first itself.
 
-    Far from the data one with fewer parameters must leave hardly more of the gap, or no more than the tolerance.
+    One with fewer parameters must not leave much more; far from the data it must leave hardly more of the gap, or no more than the tolerance.
     """
     far = search.is_far(final.candidate)
-    most = max(hardly_more(final.fit.cost, search.gap_cost), search.tolerated_cost) if far else np.inf
+    near = max(hardly_more(final.fit.cost, search.gap_cost), search.tolerated_cost)
+    most = near if far else final.fit.cost / MOST_LEFT**2
 
     def place(twin: Twin[C]) -> tuple[Any, ...]:
         return rank(twin.effect, search.positions)
