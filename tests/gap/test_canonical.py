@@ -109,9 +109,13 @@ def test_the_simplest_member_of_a_class_stands(named, other, same, known, stands
         [Twin(SimpleNamespace(effects=[twin], fit=SimpleNamespace(cost=1.0)), same)],
         SimpleNamespace(effects=[effect]) if known else None,
     )
-    search = SimpleNamespace(positions=(), is_far=lambda candidate: False)
-    found = _first_twin(search, SimpleNamespace(candidate=None), its_class, effect)
+    search = SimpleNamespace(positions=(), is_far=lambda candidate: False, gap_cost=1e3, tolerated_cost=10.0)
+    final = SimpleNamespace(candidate=None, fit=SimpleNamespace(cost=1.0))
+    found = _first_twin(search, final, its_class, effect)
     assert (found is not None and found.effect is twin) == stands
+    if not same:  # a simpler one that leaves much more does not stand, as likely as it may be beside a law
+        final = SimpleNamespace(candidate=None, fit=SimpleNamespace(cost=0.2))
+        assert _first_twin(search, final, its_class, effect) is None
 
 
 @pytest.mark.parametrize(("cost", "stands"), [(2000.2, True), (2040.0, False), (99.0, True)])
