@@ -177,3 +177,8 @@ def test_every_page_has_the_same_count_of_recordings_with_a_documented_effect():
         if phrase not in " ".join(path.read_text(encoding="utf-8").split())
     ]
     assert not lacking, f"{named} of {all_} recordings: {lacking} say something else"
+
+
+@pytest.mark.parametrize(("page", "most"), [("how_a_diagnosis_works.md", 1500), ("blind_check.md", 2500)])
+def test_pages_that_a_newcomer_reads_are_short(page, most):
+    assert len((DOCS / page).read_text().split()) <= most
