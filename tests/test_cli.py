@@ -47,7 +47,7 @@ def test_a_diagnosis_end_to_end(folder, capsys):
     ]
     assert main([*command, "--html", str(folder / "gap.html"), "--save", str(folder / "better.json"), "--quiet"]) == 0
     out = capsys.readouterr().out
-    assert "VERDICT  explained" in out and "sensor_bias" in out
+    assert "VERDICT  explained" in out and "sensor bias" in out
     saved = json.loads((folder / "better.json").read_text())
     assert saved["params"] == {"k": 1.0}
     # An offset of this sensor and one of the input predict the same once the initial state is unknown.

@@ -111,19 +111,19 @@ def test_a_set_grows_in_vain_from_the_cost_on_that_is_said(cost):
 @pytest.mark.parametrize(
     ("stands", "together", "most"),
     [
-        (600.0, 100.0, 420.0),  # hardly less than what stands
-        (300.0, 100.0, 250.0),  # half of what nothing leaves, in amplitude: edges lie apart
+        (800.0, 100.0, 560.0),  # hardly less than what stands
+        (300.0, 100.0, 500.0),  # half of what nothing leaves, in power: edges lie apart
         (245.0, 100.0, 245.0),  # one name closes the gap up to the tolerance: what it leaves
     ],
 )
 def test_windows_that_would_grow_in_vain_are_not_fitted(monkeypatch, stands, together, most):
     asked = []
-    windows = [Confined(e, ("end",), 1000.0 - left) for e, left in ((LOSS, 240.0), (BIAS, 340.0), (SPRING, 430.0))]
+    windows = [Confined(e, ("end",), 1000.0 - left) for e, left in ((LOSS, 240.0), (BIAS, 340.0), (SPRING, 530.0))]
     monkeypatch.setattr(_onsets, "confined", lambda *given: windows)
     null, stands = Some(candidate=of_cost(1000.0), fit=Some(cost=1000.0), left=9.0), of_cost(stands, BIAS)
     search = Some(
         fitted_null=null, standing=Some(candidate=stands, left=7.0, effects=(BIAS,)), tolerated_cost=247.0,
-        first_screen=Some(left_by=np.array([1000.0, 600.0, 500.0, together])), problem=Some(record=Some(lengths=np.array([4]))),
+        first_screen=Some(left_by=np.array([1000.0, 600.0, 500.0, together])), problem=Some(free=(), record=Some(lengths=np.array([4]))),
         needed_gain=lambda k: 1.0, report=lambda text: None, ranked=lambda some, base: [], expand=lambda *given: asked.append(given) or [],
     )  # fmt: skip
     look_for_onsets(search)

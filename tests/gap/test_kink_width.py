@@ -92,7 +92,7 @@ def test_it_is_carried_saved_and_said(tmp_path):
     report, carried = found.report_, found.augmented_
     assert [effect.name for effect in report.effects] == ["coulomb_friction"]
     assert carried.sharpness == report.sharpness < KINK_SHARPNESS
-    assert any("is round" in note for note in report.notes)
+    assert any("smooth turn" in note for note in report.notes)
     assert f"sharpness={report.sharpness:.3g}"[:13] in code_of(report)
     rms = np.sqrt(np.mean([(np.reshape(carried.simulate(u), (N, 1)) - y) ** 2 for u, y in zip(U, Y)]))
     assert rms < 1.15 * NOISE

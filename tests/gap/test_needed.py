@@ -31,6 +31,7 @@ def test_of_two_forms_of_one_law_the_nearer_is_enough_within_the_tolerance(monke
     final = one(both, 100.0)
     final.candidate = final
     search = SimpleNamespace(
+        tolerance=0.1,
         tolerated_cost=tolerated,
         stood={},
         plausible=lambda _: True,
@@ -62,6 +63,7 @@ def test_a_rare_one_that_is_driven_as_another_is_left_out(monkeypatch, second, w
 
     both = CATALOGUE["quadratic_loss"]("current", "charge"), CATALOGUE[second[0]](*second[1:])
     search = SimpleNamespace(
+        tolerance=0.1,
         tolerated_cost=tolerated,
         stood={},
         plausible=lambda _: True,
@@ -117,7 +119,9 @@ def _sets(costs, places=None):
         names = "".join(effect.name for k, effect in enumerate(candidate.effects) if k != i)
         return one(names) if names in costs else None
 
-    return SimpleNamespace(tolerated_cost=150.0, stood={}, without=without, plausible=lambda _: True), one
+    return SimpleNamespace(
+        tolerance=0.1, tolerated_cost=150.0, stood={}, without=without, plausible=lambda _: True
+    ), one
 
 
 @pytest.mark.parametrize(

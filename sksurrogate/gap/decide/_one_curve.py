@@ -82,7 +82,8 @@ def nearest_name(search: BaseSearch[C], law: Law) -> C | None:
 
     None where each leaves more of the gap than a correction of its form may be.
     """
-    alone = [one for keys, one in search.fitted.items() if len(keys) == 1 and is_like(one.effects[0], law)]
+    fitted = [one for keys, one in search.fitted.items() if len(keys) == 1 and is_like(one.effects[0], law)]
+    alone = [one for one in fitted if search.plausible(one)]
     nearest = min(alone, key=lambda one: one.fit.cost, default=None)
     return nearest if nearest is not None and nearest.fit.cost < LARGEST_CORRECTION**2 * search.tolerated_cost else None
 
