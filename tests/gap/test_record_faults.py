@@ -240,11 +240,18 @@ def test_a_late_run_of_a_slow_plant_is_late_by_the_right_samples():
 def test_inputs_written_one_row_late_are_no_effect(plant, effect):
     # Actuators cannot be early: a hidden mode with far parameters came to the noise instead.
     case = make_case(plant, "late_inputs", effect)
-    report = (
-        GapDiagnoser(case.simulator, free_params="all", n_jobs=1, random_state=0)
-        .fit(case.U, case.Y, case.groups)
-        .report_
+    rivals = (
+        "coulomb_friction",
+        "linear_loss",
+        "hidden_mode",
+        "hidden_relaxation",
+        "hysteresis",
+        "input_lag",
+        "input_delay",
+        "sensor_delay",
     )
+    diagnoser = GapDiagnoser(case.simulator, effects=rivals, free_params="all", n_jobs=1, random_state=0)
+    report = diagnoser.fit(case.U, case.Y, case.groups).report_
     assert report.data.kinds == ("shift",) and set(report.data[0].values.values()) == {-1.0}
     assert "X[1:] with y[:-1]" in report.data[0].remedy
     assert [effect.name for effect in report.effects] == (["coulomb_friction"] if effect else [])
