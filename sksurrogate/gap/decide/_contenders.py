@@ -111,14 +111,14 @@ def _held(one: OdeCandidate, other: OdeCandidate) -> frozenset:
 def preferred(own: Contender, others: Sequence[Contender]) -> Contender:
     """Of the sets that are as likely as the likeliest, up to :data:`NATS_THAT_SETTLE`, the likeliest before any data.
 
-    Where several are, what stands, else the likeliest. One that leaves much less to the law beside it comes before all.
+    Where several are, what stands, else the likeliest; or one that leaves much less to the law beside it.
     """
     ordered = own, *sorted(others, key=lambda one: -one.net)
     best = max(one.net for one in ordered)
     near = [one for one in ordered if one.net > best - NATS_THAT_SETTLE]
     before = max(one.before for one in near)
-    first = next(one for one in near if one.before > before - 1e-9)
-    nearest = min(near, key=lambda one: one.candidate.fit.cost)
+    first, *alike = (one for one in near if one.before > before - 1e-9)
+    nearest = min(alike, key=lambda one: one.candidate.fit.cost, default=first)
     return nearest if nearest.candidate.fit.cost < MOST_LEFT**2 * first.candidate.fit.cost else first
 
 
