@@ -248,8 +248,8 @@ class GapDiagnoser(BaseEstimator):
             progress,
         )
         self.n_features_in_ = runs[0].X.shape[1]
-        facts = pipeline.final.candidate, len(runs), whole.n_samples, progress.elapsed
-        self.report_ = with_provenance(report, self, *facts)
+        final = pipeline.final.candidate
+        self.report_ = with_provenance(report, self, final, len(runs), whole.n_samples, progress.elapsed)
         self.augmented_ = pipeline.augmented()
         at_start = pipeline.carried().candidate.initial_states()
         first = pipeline.rows[pipeline.problem.record.starts]

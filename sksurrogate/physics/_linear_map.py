@@ -78,7 +78,8 @@ class LinearMap:
         other = signals[:, ::-1]
         points = np.concatenate([signals, other, (signals + other) / 2.0], axis=1)
         here, there, halfway = np.split(self._at(np.full(points.shape[1], self.t[0]), points, n, theta), 3, axis=2)
-        return bool(np.all(np.abs(halfway - (here + there) / 2.0) <= NOT_LINEAR * (np.abs(here) + np.abs(there))))
+        largest = np.max(np.abs(here) + np.abs(there), axis=2, keepdims=True)  # near rest a rate is a rounding
+        return bool(np.all(np.abs(halfway - (here + there) / 2.0) <= NOT_LINEAR * largest))
 
     def _at(self, t: np.ndarray, points: np.ndarray, n: int, theta: np.ndarray) -> np.ndarray:
         """Right-hand side (n_columns, n_states, n_points) of every column of theta at the same points (n_states + n_inputs, n_points)."""

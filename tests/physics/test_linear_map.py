@@ -107,3 +107,12 @@ def test_signals_that_stand_still_need_no_range():
     still = LinearMap(lambda t, x, u, theta: -theta * x + u, np.arange(5.0), np.full((1, 5), 2.0), None, 0.1)
     after = still.after(np.full((1, 1, 5), 2.0), np.ones((1, 1)))
     assert np.allclose(after, 2.0, rtol=0, atol=1e-15)
+
+
+def test_rates_that_are_roundings_near_rest_do_not_hide_a_linear_plant():
+    """Temperatures in kelvin at rest until a heater is switched on: there the rates are differences of equal numbers."""
+    room = lambda t, x, u, theta: np.array([theta[0] * (293.7 - x[0]) + u[0], 0.3 * (x[0] - x[1])])  # noqa: E731
+    u = np.where(np.arange(40) < 30, 0.0, 0.2)[None]
+    warm = LinearMap(room, np.arange(40.0), u, None, 0.1)
+    x = 293.7 + np.where(np.arange(40) < 30, 0.0, np.linspace(0.0, 1.0, 40)) * np.array([[1.0], [0.7]])
+    assert warm.after(x[:, None], np.full((1, 1), 1.0 / 7.0)) is not None
