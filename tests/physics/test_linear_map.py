@@ -110,9 +110,9 @@ def test_signals_that_stand_still_need_no_range():
 
 
 def test_rates_that_are_roundings_near_rest_do_not_hide_a_linear_plant():
-    """Temperatures in kelvin at rest until a heater is switched on: there the rates are differences of equal numbers."""
-    room = lambda t, x, u, theta: np.array([theta[0] * (293.7 - x[0]) + u[0], 0.3 * (x[0] - x[1])])  # noqa: E731
-    u = np.where(np.arange(40) < 30, 0.0, 0.2)[None]
-    warm = LinearMap(room, np.arange(40.0), u, None, 0.1)
-    x = 293.7 + np.where(np.arange(40) < 30, 0.0, np.linspace(0.0, 1.0, 40)) * np.array([[1.0], [0.7]])
-    assert warm.after(x[:, None], np.full((1, 1), 1.0 / 7.0)) is not None
+    """Three parts warm up together, in kelvin, until one is heated: until then what flows between them is a difference of equal numbers."""
+    flows = lambda t, x, u, theta: np.array([u[0], u[0], theta[0] * (0.1 * x[0] + 0.2 * x[1] - 0.3 * x[2])])  # noqa: E731
+    late = np.arange(40) >= 30
+    x = 293.7 + 0.01 * np.arange(40) + np.array([[0.0], [0.0], [1.0]]) * late
+    parts = LinearMap(flows, np.arange(40.0), np.full((1, 40), 0.1), None, 0.1)
+    assert parts.after(x[:, None], np.ones((1, 1))) is not None
