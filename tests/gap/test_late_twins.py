@@ -57,7 +57,7 @@ def test_columns_tell_which_candidates_do_what_is_named():
     problem, smoothed = build_problem(PlantModel(plant), record, (), ("x", "y"))
     named = problem.fit(pair, np.array([0.2, -0.21]), smoothed.x)
     late = [CATALOGUE["parameter_dependence"](p, v) for p in ("k", "feed") for v in ("x", "y", "u")]
-    found = [(one.places, one.effect.key) for one in twins(named, late, smoothed.x, 6.0)]
+    found = [(one.places, one.effect.key) for one in twins(named, late, smoothed.x, named.fit.cost + 6.0)]
     assert [key for places, key in found if 1 in places] == [DEPENDENCE, DEPENDENCE]
     assert found.index(((0, 1), DEPENDENCE)) < found.index(((1,), DEPENDENCE))
     of_k = {(p, v) for places, (_, p, v) in found if places == (0,)}

@@ -54,6 +54,8 @@ class CandidateColumns:
     #: Second and further parameters, where they are known, instead of those of the starting values
     shape: tuple[float, ...]
     chosen: Shortlist | None  #: Starting values by the effect's key
+    #: Of the starting magnitude, for effects that are linear in theirs: a small one gives the slope also where the plant is not linear
+    share: float = 1.0
 
     @cached_property
     def unseen(self) -> np.ndarray:
@@ -128,4 +130,6 @@ class CandidateColumns:
         starts = list(dict.fromkeys([*evident, *starts]))
         if self.shape:
             starts = list(dict.fromkeys((start[0], *self.shape) for start in starts))
+        if effect.linear:
+            starts = [(self.share * start[0], *start[1:]) for start in starts]
         return starts, len(evident)

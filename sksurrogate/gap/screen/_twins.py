@@ -16,6 +16,9 @@ from sksurrogate.gap.screen._candidate_columns import CandidateColumns
 from sksurrogate.gap.screen._responses import Responses
 from sksurrogate.gap.screen._screen import grown
 
+#: Share of a starting magnitude whose column is a slope: those of the named effects are slopes too.
+SLOPE = 1e-4
+
 
 class Twin(NamedTuple):
     """A candidate that does what named effects do."""
@@ -23,20 +26,21 @@ class Twin(NamedTuple):
     places: tuple[int, ...]  #: Of these effects
     effect: BaseEffect
     theta: np.ndarray  #: The starting value that comes nearest
+    left: float  #: Squared error over the noise that it is expected to leave
 
 
-def twins(named: OdeCandidate, candidates: Sequence[BaseEffect], x: np.ndarray, least: float) -> Iterator[Twin]:
-    """Candidates that in the place of some effects leave no more than these, of most effects first; the others and the initial states follow.
+def twins(named: OdeCandidate, candidates: Sequence[BaseEffect], x: np.ndarray, most: float) -> Iterator[Twin]:
+    """Candidates that in the place of some effects leave less than ``most``, of most effects first; the others and the initial states follow.
 
     Columns along the path of what is named need no fit of a set without these effects, which may be far from the data.
 
     ``x`` (n_states, n_samples): trajectory near the measured one, to start the smoother.
-    ``least``: squared error over the noise from which a difference counts.
+    ``most``: squared error over the noise.
     """
     with np.errstate(all="ignore"):
         s = Responses(named, x)
-        asked, known = CandidateColumns(s, (), None), s.white.reshape(len(s.known), -1)
-        for effect in candidates:
+        asked, known = CandidateColumns(s, (), None, SLOPE), s.white.reshape(len(s.known), -1)
+        for effect in (one for one in candidates if one.parameters):
             columns = asked.of_all([effect], None)
             if not columns:
                 continue
@@ -46,10 +50,23 @@ def twins(named: OdeCandidate, candidates: Sequence[BaseEffect], x: np.ndarray, 
             if not np.isfinite(G).all():
                 continue
             for places, missing, others in _replaced(named):
-                if _left(G, missing, [*others, *added])[0] < G[0, 0] + least:
-                    tries = [_left(G, missing, [*others, k]) for k in added]
-                    k = int(np.argmin([left for left, _ in tries]))
-                    yield Twin(places, effect, grown(effect, columns[k].theta, tries[k][1][-1]))
+                if _left(G, missing, [*others, *added])[0] < most:
+                    left, k, amplitude = _nearest(G, missing, others, added, len(effect.parameters))
+                    if left < most:
+                        yield Twin(places, effect, grown(effect, columns[k - len(known)].theta, amplitude), left)
+
+
+def _nearest(
+    G: np.ndarray, missing: np.ndarray, others: Sequence[int], added: Sequence[int], n: int
+) -> tuple[float, int, float]:
+    """What ``n`` columns leave, chosen one after the other: as many as an effect has numbers; the first of them and its weight."""
+    tries = {k: _left(G, missing, [*others, k]) for k in added}
+    first = min(tries, key=lambda k: tries[k][0])
+    (left, weights), chosen = tries[first], [*others, first]
+    for _ in range(min(n, len(added)) - 1):
+        left, k = min((_left(G, missing, [*chosen, k])[0], k) for k in added if k not in chosen)
+        chosen.append(k)
+    return left, first, float(weights[-1])
 
 
 def _replaced(named: OdeCandidate) -> Iterator[tuple[tuple[int, ...], np.ndarray, list[int]]]:

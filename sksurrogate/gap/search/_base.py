@@ -246,8 +246,9 @@ class BaseSearch(ABC, Generic[C]):
         return self.evidence(candidate) - self.price(candidate)
 
     def price(self, candidate: C) -> float:
-        """``k/2 ln N`` of the numbers that its effects hold."""
-        return 0.5 * (candidate.n_parameters + candidate.n_chosen) * float(np.log(self.n_values))
+        """``k/2 ln N`` of the numbers that its effects hold, and the choice of each out of the library."""
+        numbers = 0.5 * (candidate.n_parameters + candidate.n_chosen) * float(np.log(self.n_values))
+        return numbers + len(candidate.effects) * float(np.log(len(self.library)))
 
     def size_score(self, candidate: C) -> float:
         """Evidence by size, less ``k/2 ln N``.

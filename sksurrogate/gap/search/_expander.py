@@ -22,6 +22,7 @@ from sksurrogate.gap.fit._ode import Numerics, OdeBackend, OdeCandidate
 from sksurrogate.gap.fit._prior import price_of_step
 from sksurrogate.gap.screen._pairs import beside, best_pairs
 from sksurrogate.gap.screen._screen import Screen, Start, screen
+from sksurrogate.gap.screen._twins import Twin
 from sksurrogate.gap.search._base import Wanted
 from sksurrogate.gap.search._fit_from_starts import best_starts, cheapest, fit_added, fit_pair
 from sksurrogate.gap.search._set_search import AS_NEAR, SetSearch
@@ -58,6 +59,7 @@ class Expander(SetSearch[OdeCandidate]):
     tried: WeakKeyDictionary[Screen, dict[Any, OdeCandidate]] = field(default_factory=WeakKeyDictionary)
     #: Effects of the library that are asked only where something without a name remains, by key
     later_asked: dict[Any, BaseEffect] = field(default_factory=dict)
+    last_twins: tuple[OdeCandidate, list[Twin]] | None = None  #: Of the last set that was asked for its twins
 
     @property
     def asked(self) -> list[BaseEffect]:

@@ -12,13 +12,12 @@ from sksurrogate.effects._base_effect import BaseEffect
 from sksurrogate.effects._law import AnyLaw
 from sksurrogate.effects._whole_step import has_own_steps
 from sksurrogate.gap.fit._closeness import MOST_LEFT, SETTLED
-from sksurrogate.gap.fit._evidence import Evidence, estimate_noise, follow_null
+from sksurrogate.gap.fit._evidence import Evidence, follow_null
 from sksurrogate.gap.fit._ode import FIT_STEPS, OdeCandidate
 from sksurrogate.gap.fit._prior import prior_cost
 from sksurrogate.gap.fit._probe import probe_of
 from sksurrogate.gap.screen._screen import screen
 from sksurrogate.gap.screen._shortlist import MOST_LISTED
-from sksurrogate.gap.screen._twins import twins
 from sksurrogate.gap.search._base import EQUAL, Wanted
 from sksurrogate.gap.search._expander import SEARCH_SHARPNESS, SEARCH_SUBSTEPS, Expander
 from sksurrogate.gap.search._fit_from_starts import (
@@ -33,7 +32,7 @@ from sksurrogate.gap.search._fit_from_starts import (
     open_null,
 )
 from sksurrogate.gap.search._kink_width import rounded
-from sksurrogate.gap.search._nested import richer
+from sksurrogate.gap.search._met_twins import ABOUT, MOST_MET, met_twins, twins_of, with_twin
 from sksurrogate.gap.search._onsets import look_for_onsets, twins_with_onset
 from sksurrogate.gap.search._related_forms import simplify
 from sksurrogate.gap.search._restart import line_searched
@@ -41,8 +40,6 @@ from sksurrogate.gap.search._set_search import COMES_BACK
 from sksurrogate.gap.search._stopping import is_stack
 from sksurrogate.gap.search._windowed_grids import look_for_windowed_grids
 
-#: Candidates fitted from where the others stand, with one effect of what stands taken out.
-MOST_ANEW = 6
 #: Steps a sample and sharpness of kinks that a candidate is refined with, one after the other.
 FINER = ((SEARCH_SUBSTEPS, SEARCH_SHARPNESS), (8, 500.0))
 
@@ -92,10 +89,11 @@ class OdeSearch(Expander):
         Names meet those that do what some of them do; where simulations are dear, only several names.
         """
         found = super().run()
+        if found.effects and not (self.frugal and len(found.effects) == 1):
+            found = met_twins(self, found)
         if not self.later_asked or not found.effects:
             return found
-        if not (self.frugal and len(found.effects) == 1):
-            found = self.paired_with_late(self.met_late_ones(found))
+        found = self.paired_with_late(found)
         if found.left < SETTLED:
             return found
         if len(found.effects) > 1:
@@ -106,30 +104,6 @@ class OdeSearch(Expander):
             self.ask_now(likely)
             self.grow(found.candidate, True, self.fitted_null.candidate)
         return self.standing
-
-    def met_late_ones(self, found: Evidence[OdeCandidate]) -> Evidence[OdeCandidate]:
-        """What stands once effects left for later were fitted in the place of names that they do the same as.
-
-        One stands in the place of several where these are not worth their number; between one and another the posterior decides.
-        """
-        named, several = found.candidate, len(found.effects) > 1
-        more = several and found.left < SETTLED  # distant signals are many
-        late = [effect for effect in self.later_asked.values() if effect.late or more]
-        for places, effect, theta in twins(named, late, self.guess(named), EQUAL):
-            if len(places) == 1 and richer(effect, named.effects[places[0]]):
-                continue  # it contains the named one: what it adds has been found not to be needed
-            rest, values = named.without_effect(*places)
-            n = len(values) - len(self.problem.free)
-            start = np.concatenate([values[:n], theta, values[n:]])
-            one = named.problem.fit((*rest, effect), start, named.states, open_steps=0)
-            if one is None or not self.plausible(one):
-                continue
-            self.remember([one])
-            if len(places) > 1 and not self.passes(named, self.judge(estimate_noise(one, found.noise)).candidate, True):
-                del self.later_asked[effect.key]
-                chosen = self.swap(self.polish(one))  # the other names were chosen beside those that are gone
-                return self.met_late_ones(self.judged[self.stand(chosen)])
-        return found
 
     def one_late(self, found: Evidence[OdeCandidate]) -> Evidence[OdeCandidate]:
         """What stands once effects left for later were fitted alone: one in the place of several names that leave more than the noise.
@@ -254,14 +228,15 @@ class OdeSearch(Expander):
         known = [one for one in self.fitted.values() if one.keys[:-1] == base.keys]
         candidates.extend(one for one in known if self.plausible(one))
         if self.first_screen is not None:
-            twins = twins_with_onset(self.first_screen, final.effects[i], named.theta_of(i))
-            candidates.extend(fit_given(base, twins, named))
+            starting = twins_with_onset(self.first_screen, final.effects[i], named.theta_of(i))
+            candidates.extend(fit_given(base, starting, named))
         if not few and (not single or self.problem.free):
-            rest = named.taken_out(i)  # the others and the free parameters, fitted again alone, may have run away
-            candidates.extend([] if rest is None else self.anew(rest, final.noise, MOST_ANEW, 0, final.fit.cost))
+            # the others and the free parameters, fitted again alone, may have run away
+            alike = [twin for twin in twins_of(self, named) if twin.places == (i,)]
+            candidates.extend(one for twin in alike[:MOST_MET] if (one := with_twin(self, named, twin)) is not None)
         nearest = {one.keys: one for one in sorted(candidates, key=lambda one: -one.fit.cost)}.values()
         mine = [one.fit.cost for one in nearest if one.effects[-1].key == final.effects[i].key]
         same_numerics = self.searching(base).numerics == named.problem.numerics
         reach = (min if same_numerics else max)([final.fit.cost, *mine])
-        near = [one for one in nearest if one.fit.cost <= 1.5 * reach + 50.0 * EQUAL]
+        near = [one for one in nearest if one.fit.cost <= ABOUT * reach + 50.0 * EQUAL]
         return near if same_numerics else [one.resumed(named.problem) or one for one in near]
