@@ -53,7 +53,11 @@ def test_a_bias_of_the_input_does_what_a_load_and_a_wrong_reading_do():
     moved, by_load = np.linalg.solve(-A, volts) * bias, np.linalg.solve(-A, load)
     size = moved[1] / by_load[1]
     named = problem.fit(pair, np.array([moved[0] - size * by_load[0], size]), smoothed.x)
-    others = [CATALOGUE["input_bias"]("volts"), CATALOGUE["sensor_bias"]("speed"), CATALOGUE["linear_loss"]("speed", "speed")]
+    others = [
+        CATALOGUE["input_bias"]("volts"),
+        CATALOGUE["sensor_bias"]("speed"),
+        CATALOGUE["linear_loss"]("speed", "speed"),
+    ]
     found = [one for one in twins(named, others, smoothed.x, named.fit.cost + EQUAL) if one.places == (0, 1)]
     assert [one.effect.name for one in found] == ["input_bias"]
     assert found[0].theta[0] == pytest.approx(bias, abs=0.01)

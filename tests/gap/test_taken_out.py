@@ -7,7 +7,9 @@ import pytest
 
 from sksurrogate.effects import CATALOGUE, AugmentedSimulator
 from sksurrogate.gap.fit._build import build_problem
+from sksurrogate.gap.fit._evidence import estimate_noise
 from sksurrogate.gap.fit._ode import OdeBackend
+from sksurrogate.gap.search._met_twins import twins_of, with_twin
 from sksurrogate.gap.search._ode_search import OdeSearch
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics import ODESimulator
@@ -48,9 +50,12 @@ def test_the_others_keep_their_values_and_the_cost_rises(fitted, i):
 def test_the_exact_twin_is_found_from_there(fitted):
     problem, candidate = fitted
     search = OdeSearch(problem, [EFFECTS[1], CATALOGUE["parameter_error"]("lift")], candidate.fit.x)
-    found = {r.effects[-1].name: r for r in search.anew(candidate.taken_out(1), None, 2, 0)}
-    assert found["parameter_error"].fit.cost == pytest.approx(candidate.fit.cost, rel=1e-6)
-    assert found["parameter_error"].fit.theta == pytest.approx(candidate.fit.theta, rel=1e-3)
+    search.fit_null()
+    search.judge(estimate_noise(candidate, search.fitted_null.noise))
+    found = next(with_twin(search, candidate, twin) for twin in twins_of(search, candidate) if twin.places == (1,))
+    assert found.effects[-1].name == "parameter_error"
+    assert found.fit.cost == pytest.approx(candidate.fit.cost, rel=1e-6)
+    assert found.fit.theta == pytest.approx(candidate.fit.theta, rel=1e-3)
 
 
 def test_a_set_that_is_fitted_again_is_as_near_to_the_data_as_it_was(fitted, monkeypatch):

@@ -27,7 +27,6 @@ from sksurrogate.gap.search._base import Wanted
 from sksurrogate.gap.search._fit_from_starts import best_starts, cheapest, fit_added, fit_pair
 from sksurrogate.gap.search._set_search import AS_NEAR, SetSearch
 from sksurrogate.kernels.clock import check_time, limited
-from sksurrogate.kernels.disturbance import Noise
 from sksurrogate.kernels.output_error import Fit
 
 #: What travels between processes: a fit with its numerics, nothing, or what a simulator raised.
@@ -123,15 +122,10 @@ class Expander(SetSearch[OdeCandidate]):
         """Single effects fitted from nominal parameters: from re-tuned ones that imitate an effect none leads back."""
         null = self.fitted_null
         base = null.candidate.at_nominal()
-        return [] if base is None else self.anew(base, null.noise, wanted.by_white, wanted.by_forced)
-
-    def anew(
-        self, base: OdeCandidate, noise: Noise | None, n_white: int, n_forced: int, best: float = np.inf
-    ) -> list[OdeCandidate]:
-        """One effect more, fitted from a base as it is: no fit that began elsewhere counts for it."""
-        library = [e for e in self.asked if e.key not in set(base.keys)]
-        starts = screen(library, base, self.guess(base), noise, second=self.second).starts
-        return self.fit_best(base, starts, n_white, n_forced, best)
+        if base is None:
+            return []
+        starts = screen(self.asked, base, self.guess(base), null.noise, second=self.second).starts
+        return self.fit_best(base, starts, wanted.by_white, wanted.by_forced, np.inf)
 
     def fit_best(
         self, base: OdeCandidate, starts: Sequence[Start], n_white: int, n_forced: int, best: float

@@ -40,11 +40,14 @@ def met_twins(search: Expander, found: Evidence[OdeCandidate]) -> Evidence[OdeCa
 def twins_of(search: Expander, named: OdeCandidate) -> list[Twin]:
     """The effects that may do what some of a set do, the likeliest first; those of the last set are kept.
 
-    Of those left for later the ones that imitate others; beside several at the noise all. Where simulations are dear, no others.
+    Of those left for later the ones that imitate others; beside several at the noise all. Of the others none where simulations are dear, and
+    none for a name alone: the search has fitted them in its place.
     """
     if search.last_twins is None or search.last_twins[0] is not named:
-        distant, late = len(named.effects) > 1 and search.judged[named].left < SETTLED, search.later_asked
-        asked = [e for e in search.library if e.late or (distant if e.key in late else not search.frugal)]
+        several, late = len(named.effects) > 1, search.later_asked
+        distant = several and search.judged[named].left < SETTLED
+        near = (several or bool(search.problem.free)) and not search.frugal
+        asked = [e for e in search.library if e.late or (distant if e.key in late else near)]
         others, most = [e for e in asked if e.key not in named.keys], ABOUT * named.fit.cost + 50.0 * EQUAL
         found = twins(named, others, search.guess(named), most)
         search.last_twins = named, sorted(found, key=lambda twin: twin.left)
