@@ -219,8 +219,12 @@ class BaseSearch(ABC, Generic[C]):
         """Keep the best fit of every set of effects."""
         for candidate in candidates:
             known = self.fitted.get(frozenset(candidate.keys))
-            if known is None or candidate.fit.cost < known.fit.cost:
+            if known is None or self.cost_with_starts(candidate) < self.cost_with_starts(known):
                 self.fitted[frozenset(candidate.keys)] = candidate
+
+    def cost_with_starts(self, candidate: C) -> float:
+        """Cost with ``ln N`` of every initial state that is free: of one set with memories at rest, and with free ones, the likelier has less."""
+        return candidate.fit.cost + candidate.n_starts * float(np.log(self.n_values))
 
     # ---- comparisons ------------------------------------------------------------------------------------------------
     def threshold(self, k: int) -> float:

@@ -137,7 +137,7 @@ class SetSearch(SetMoves[C]):
             return candidates
         best: dict = {}
         for candidate in [*candidates, *self.from_nominal(first)]:
-            worth = candidate.fit.cost + self.prior_cost(candidate)
+            worth = self.cost_with_starts(candidate) + self.prior_cost(candidate)
             if candidate.keys not in best or worth < best[candidate.keys][0]:
                 best[candidate.keys] = worth, candidate
         return [candidate for _, candidate in best.values()]
