@@ -12,7 +12,7 @@ from sksurrogate.gap.search._base import EQUAL
 from sksurrogate.gap.search._expander import Expander
 from sksurrogate.gap.search._nested import richer
 
-#: Candidates fitted in the place of one effect of what stands, or of several.
+#: Candidates fitted in the place of each effect of what stands, and of several.
 MOST_MET = 6
 #: A fit may find what the screen expects to leave so many times as much.
 ABOUT = 1.5
@@ -30,10 +30,13 @@ def met_twins(search: Expander, found: Evidence[OdeCandidate]) -> Evidence[OdeCa
         one = with_twin(search, named, twin)
         if one is not None and not search.passes(named, _judged(search, one, found), True):
             return _stand_instead(search, one)
-    for twin in [twin for twin in alike if _may_be_likelier(search, named, twin)]:
-        one = with_twin(search, named, twin)
-        if one is not None and found.left > SETTLED and _leads(search, _judged(search, one, found), named):
-            return _stand_instead(search, one)
+    for i in range(len(named.effects)):
+        for twin in [twin for twin in alike if twin.places == (i,) and _may_be_likelier(search, named, twin)][
+            :MOST_MET
+        ]:
+            one = with_twin(search, named, twin)
+            if one is not None and found.left > SETTLED and _leads(search, _judged(search, one, found), named):
+                return _stand_instead(search, one)
     return found
 
 
@@ -82,7 +85,7 @@ def _may_be_likelier(search: Expander, named: OdeCandidate, twin: Twin) -> bool:
 
     Of one that contains the named one, what it adds has been found not to be needed.
     """
-    if len(twin.places) > 1 or richer(twin.effect, named.effects[twin.places[0]]):
+    if richer(twin.effect, named.effects[twin.places[0]]):
         return False
     rest = {key for i, key in enumerate(named.keys) if i not in twin.places}
     known = search.fitted.get(frozenset({twin.effect.key, *rest}))
