@@ -114,7 +114,8 @@ def estimate_noise(
         return follow_noise(candidate, noises[k], max_iterations=max_iterations)
     first = follow_noise(candidate, start, curvature, max_iterations=max_iterations)
     other = follow_noise(candidate, noises[k], max_iterations=max_iterations) if k else first
-    return first if other.log_likelihood <= first.log_likelihood else other
+    # a noise is followed without the parameters' bounds: within them a start may be likelier than where it led
+    return max((first, other, Evidence(candidate, noises[k], value[k])), key=lambda one: one.log_likelihood)
 
 
 def follow_noise(

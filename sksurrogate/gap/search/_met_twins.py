@@ -77,7 +77,8 @@ def _judged(search: Expander, one: OdeCandidate, found: Evidence[OdeCandidate]) 
 def _stand_instead(search: Expander, one: OdeCandidate) -> Evidence[OdeCandidate]:
     """What stands in the end where a set with a twin takes the place: the other names were chosen beside those that are gone."""
     search.later_asked.pop(one.effects[-1].key, None)
-    return met_twins(search, search.judged[search.stand(search.swap(search.polish(one)))])
+    chosen = search.polish(one)
+    return met_twins(search, search.judged[search.stand(search.swap(chosen) if len(chosen.effects) > 1 else chosen)])
 
 
 def _may_be_likelier(search: Expander, named: OdeCandidate, twin: Twin) -> bool:
@@ -85,7 +86,8 @@ def _may_be_likelier(search: Expander, named: OdeCandidate, twin: Twin) -> bool:
 
     Of one that contains the named one, what it adds has been found not to be needed.
     """
-    if richer(twin.effect, named.effects[twin.places[0]]):
+    alone = len(named.effects) == 1 and twin.effect.key not in search.later_asked  # of which the search has fitted the likeliest
+    if alone or richer(twin.effect, named.effects[twin.places[0]]):
         return False
     rest = {key for i, key in enumerate(named.keys) if i not in twin.places}
     known = search.fitted.get(frozenset({twin.effect.key, *rest}))
