@@ -31,9 +31,8 @@ def met_twins(search: Expander, found: Evidence[OdeCandidate]) -> Evidence[OdeCa
         if one is not None and not search.passes(named, _judged(search, one, found), True):
             return _stand_instead(search, one)
     for i in range(len(named.effects)):
-        for twin in [twin for twin in alike if twin.places == (i,) and _may_be_likelier(search, named, twin)][
-            :MOST_MET
-        ]:
+        likelier = [twin for twin in alike if twin.places == (i,) and _may_be_likelier(search, named, twin)]
+        for twin in likelier[:MOST_MET]:
             one = with_twin(search, named, twin)
             if one is not None and found.left > SETTLED and _leads(search, _judged(search, one, found), named):
                 return _stand_instead(search, one)
