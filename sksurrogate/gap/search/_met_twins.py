@@ -85,7 +85,8 @@ def _may_be_likelier(search: Expander, named: OdeCandidate, twin: Twin) -> bool:
 
     Of one that contains the named one, what it adds has been found not to be needed.
     """
-    alone = len(named.effects) == 1 and twin.effect.key not in search.later_asked  # of which the search has fitted the likeliest
+    # in the place of a name alone the search has fitted the likeliest already
+    alone = len(named.effects) == 1 and twin.effect.key not in search.later_asked
     if alone or richer(twin.effect, named.effects[twin.places[0]]):
         return False
     rest = {key for i, key in enumerate(named.keys) if i not in twin.places}
