@@ -26,7 +26,10 @@ class Some:
 
 def of_cost(cost, *effects):
     return Some(
-        fit=Some(cost=cost, x=np.zeros((1, 4)), theta=np.zeros(0)), effects=effects, keys=tuple(e.key for e in effects), n_starts=1
+        fit=Some(cost=cost, x=np.zeros((1, 4)), theta=np.zeros(0)),
+        effects=effects,
+        keys=tuple(e.key for e in effects),
+        n_starts=1,
     )
 
 
