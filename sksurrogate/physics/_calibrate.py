@@ -25,7 +25,7 @@ from sksurrogate.kernels.output_error import Fit, free_run, linearise, output_er
 from sksurrogate.kernels.record import Record
 from sksurrogate.kernels.smoother import noise_of_differences
 from sksurrogate.physics._asked import asked_bounds, asked_names, asked_priors, initial_states, nominal_values
-from sksurrogate.physics._begin import coarse_start
+from sksurrogate.physics._coarse_start import coarse_start
 from sksurrogate.physics._fit_model import FitModel
 from sksurrogate.physics._intervals import uncertainty_of
 from sksurrogate.physics._model import PlantModel

@@ -106,7 +106,7 @@ class Channel:
         out = np.zeros((len(signal), len(self.r), signal.shape[1])).transpose(1, 0, 2)  # each column in one piece
         if self.push is None:
             out[self.sensor] = signal
-            return out
+            return self.D.at_measured(out)
         for a in range(0, len(signal), SIGNALS_AT_ONCE):
             some = slice(a, a + SIGNALS_AT_ONCE)
             out[:, some] = self.D.moved(self.push[:, None] * signal[some])

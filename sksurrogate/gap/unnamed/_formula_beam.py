@@ -43,6 +43,7 @@ class Beam:
     regression: Regression
     library: Library
     weighted: dict[int, np.ndarray] = field(default_factory=dict)
+    products: dict[int, np.ndarray] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         one, F = self.regression, self.library.columns
@@ -59,6 +60,13 @@ class Beam:
             F = self.library.columns[new].reshape(len(new), len(self.regression.channel.r), -1)
             self.weighted.update(zip(new, self.regression.weights(F.transpose(1, 0, 2))))
         return np.array([self.weighted[k] for k in some]).reshape(len(some), self.library.columns.shape[1])
+
+    def products_of(self, some: Sequence[int]) -> np.ndarray:
+        """``f' S^-1 g`` of terms of the library with all of it, (n_terms, n_all)."""
+        new = [k for k in some if k not in self.products]
+        if new:
+            self.products.update(zip(new, self.columns(new) @ self.library.columns.T))
+        return np.array([self.products[k] for k in some]).reshape(len(some), len(self.library.terms))
 
     def drafts(self, small: bool) -> list[Draft]:
         """Formulae that grow term by term; the best of all with their constants fitted, and the best of one and of two terms if ``small``."""
@@ -160,7 +168,7 @@ class Beam:
         """A formula with one term more, the best by what all of it is worth; every structure of the new term once."""
         K, linear, some = self.regression.K, self.regression.channel.linear, list(chosen)
         # Products of r, J and the chosen terms with all terms, and with one another.
-        A = np.concatenate([self.rows, self.columns(chosen) @ self.library.columns.T])
+        A = np.concatenate([self.rows, self.products_of(chosen)])
         H = np.concatenate([np.concatenate([K, self.rows[:, some].T]), A[:, some]], axis=1)
         precision, pull = (np.r_[part, np.zeros(len(some))] for part in (linear.precision, linear.pull))
         explained = 0.5 * float(K[0, 0] - eliminate(H, len(H) - 1, precision, pull)[0, 0])

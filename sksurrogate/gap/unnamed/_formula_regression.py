@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,8 @@ from sksurrogate.gap.unnamed._drivers import Drivers
 from sksurrogate.gap.unnamed._grammar import price_of, structure
 from sksurrogate.kernels.disturbance import Noise
 
+#: Formulae whose movement of the outputs is kept: a step begins where the last one was judged.
+REMEMBERED_RESPONSES = 4
 #: Steps of Gauss-Newton; halvings of a step.
 CONSTANT_STEPS, HALVINGS = 6, 3
 
@@ -72,6 +75,7 @@ class Regression:
         self.K = self.base @ known.transpose(1, 0, 2).reshape(known.shape[1], -1).T
         self.half_log = 0.5 * np.log(channel.r.size)
         self.n_drivers = len(self.drivers.moving)
+        self.responses = lru_cache(maxsize=REMEMBERED_RESPONSES)(self.drivers.responses)
 
     def weights(self, columns: np.ndarray) -> np.ndarray:
         """``S^-1`` of columns (n_outputs, n_columns, n_samples): (n_columns, n_outputs * n_samples)."""
@@ -85,13 +89,15 @@ class Regression:
         known = both.known
         if not np.isfinite(known).all():
             return -np.inf, np.zeros(known.shape[1] - 1), 0.0
-        G, log_det = self.channel.D.gram(known, self.noise, self.factor)
+        own, log_det = self.channel.D.gram(J, self.noise, self.factor)
+        cross = self.base @ J.transpose(1, 0, 2).reshape(J.shape[1], -1).T
+        G = np.block([[self.K, cross], [cross.T, own]])
         theta = both.weights(G)
         return 0.5 * float((G[1:, 0] + both.pull) @ theta), theta, log_det
 
     def judged(self, draft: Draft) -> Draft:
         """Coefficients and worth of a formula with its constants as they are."""
-        nats, theta, log_det = self.solved(self.drivers.responses(draft.terms))
+        nats, theta, log_det = self.solved(self.responses(draft.terms))
         price = price_of(draft.terms, self.n_drivers)
         own = theta[len(self.channel.linear.precision) :]
         cost = price + self.half_log * len(draft.values)
@@ -107,7 +113,7 @@ class Regression:
         spread = max(float(np.std(z)) for z in self.drivers.signals.values())
         unit = np.maximum(np.abs(constants), 0.1 * spread if any(constants == 0) else 1e-12)
         for _ in range(most_steps):
-            J = self.drivers.responses(draft.terms)
+            J = self.responses(draft.terms)
             slopes = self.slopes(draft, constants, unit)
             if not np.isfinite(slopes).all():
                 break

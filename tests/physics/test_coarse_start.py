@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from sklearn.exceptions import ConvergenceWarning
 
-import sksurrogate.physics._begin as begin
+import sksurrogate.physics._coarse_start as coarse
 import sksurrogate.physics._fit_model as fit_model
 from sksurrogate.kernels.integrate import march
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics import CalibratedSimulator, ODESimulator
-from sksurrogate.physics._begin import thinned
+from sksurrogate.physics._coarse_start import thinned
 from sksurrogate.physics._fit_model import FitModel
 from sksurrogate.physics._model import PlantModel
 from sksurrogate.physics._prepare import fastest
@@ -59,7 +59,7 @@ def test_a_long_record_begun_thinned_ends_where_it_would_at_once(monkeypatch, ev
     plant, X, y, groups = _long(3, 2500, every)
     model = CalibratedSimulator(plant.set_params(params__d=0.6, params__a=1.6, params__b=0.3, params__g=1.0))
     started = []
-    quick = begin.coarse_start
+    quick = coarse.coarse_start
     monkeypatch.setattr(
         "sksurrogate.physics._calibrate.coarse_start", lambda *a: started.append(quick(*a) is not None) or quick(*a)
     )
@@ -160,5 +160,5 @@ def test_which_rows_tell_does_not_depend_on_the_unit_of_the_outputs(unit):
     t = 0.01 * np.arange(4000)
     u, y = np.sin(t)[:, None], np.cos(3 * t)[:, None]
     one, other = (Record.from_runs([u], [size * y], [t], 0.01) for size in (1.0, unit))
-    _, every = begin._telling_rows(one, np.array([1e-9]), True)
-    assert every > 1 and begin._telling_rows(other, unit * np.array([1e-9]), True)[1] == every
+    _, every = coarse._telling_rows(one, np.array([1e-9]), True)
+    assert every > 1 and coarse._telling_rows(other, unit * np.array([1e-9]), True)[1] == every
