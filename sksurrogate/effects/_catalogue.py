@@ -217,7 +217,9 @@ def _instances(item: Any, plant: Plant, places: Places) -> Iterable[BaseEffect]:
 
 
 #: Numbers that effects take beside their places, and the effects that do.
-OWN_NUMBERS = {"before": actuator.RememberingActuator, "earliest": sensor.SensorDelay}
+OWN_NUMBERS = {
+    "before": actuator.RememberingActuator, "corner": actuator.LimitedActuator, "earliest": sensor.SensorDelay,
+}  # fmt: skip
 
 
 def check_place(effect: BaseEffect, plant: Plant) -> None:

@@ -12,6 +12,7 @@ from sksurrogate.effects._base_effect import BaseEffect, Theta
 from sksurrogate.effects._families import InputEffect
 from sksurrogate.effects._lattice import COARSE, likely_steps
 from sksurrogate.effects._parts import Parameter, Probe
+from sksurrogate.effects._smooth import clip
 from sksurrogate.kernels.signals import Signal, delay, lag, play, pointwise, rate_limit
 from sksurrogate.physics._simulator import Plant
 
@@ -170,7 +171,19 @@ class InputCoupling(InputEffect):
         return [(0.1 * size_of(probe.x) / size_of(probe.v),)]
 
 
-class InputDeadZone(InputEffect):
+class LimitedActuator(InputEffect):
+    """An actuator that is limited, or opens, at a value of its input.
+
+    ``location``: the input.
+    ``corner``: how its characteristic bends there, from 0, a corner, to 1, ``tanh``.
+    """
+
+    def __init__(self, location: str | None = None, variable: str | None = None, corner: float = 0.0):
+        super().__init__(location, variable)
+        self.corner = corner
+
+
+class InputDeadZone(LimitedActuator):
     """Small inputs do nothing: ``sign(u) max(abs(u) - c, 0)``."""
 
     name = "input_dead_zone"
@@ -183,7 +196,7 @@ class InputDeadZone(InputEffect):
     def transform(self, u: Signal, v: Signal | None, theta: Theta, h: float, starts: np.ndarray) -> Signal:
         """``u - clip(u, -c, c)``."""
         width = np.maximum(theta[0], 0.0)
-        return pointwise(lambda value: value - np.clip(value, -width, width), u)
+        return pointwise(lambda value: value - clip(value, width, self.corner), u)
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
         """Parts of the largest input."""
@@ -245,7 +258,7 @@ class InputBacklash(RememberingActuator):
         return [(share * half,) for share in (0.03, 0.1, 0.25, 0.5)] if half > 0 else []
 
 
-class InputSaturation(InputEffect):
+class InputSaturation(LimitedActuator):
     """The actuator has limits: ``clip(u, -c, c)``."""
 
     name = "input_saturation"
@@ -257,7 +270,7 @@ class InputSaturation(InputEffect):
 
     def transform(self, u: Signal, v: Signal | None, theta: Theta, h: float, starts: np.ndarray) -> Signal:
         limit = np.maximum(theta[0], 0.0)
-        return pointwise(lambda value: np.clip(value, -limit, limit), u)
+        return pointwise(lambda value: clip(value, limit, self.corner), u)
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
         """Limits within the reached range."""

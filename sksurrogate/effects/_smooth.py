@@ -12,6 +12,8 @@ TINY = 1e-12
 MOST_BENT = 0.99
 #: Size of a variable over the width of its kinks, where no width was fitted.
 KINK_SHARPNESS = 500.0
+#: Least width of a clip that is smoothed, over its scale: narrower ones are as ``tanh`` to 1e-7.
+NEARLY_TANH = 5e-4
 #: What takes less than this share of a sample is not seen.
 WITHIN_SAMPLE = 0.2
 
@@ -23,6 +25,28 @@ def sign(v: Any, width: float) -> Any:
     array([-1.,  0.,  1.])
     """
     return np.tanh(v / width) if np.ndim(width) or width > 0 else np.sign(v)
+
+
+def clip(v: Any, limit: Any, corner: float) -> Any:
+    """``clip(v, -c, c)`` with a bend: from a ``corner`` of 0 to ``c tanh(v / c)`` at 1; the slope at 0 is 1.
+
+    Its slope is that of the clip, smoothed by a logistic curve, over its own at 0.
+
+    >>> clip(np.array([0.5, 1.0, 9.0]), 1.0, 0.0), clip(np.array([0.5, 1.0, 9.0]), 1.0, 0.2).round(3)
+    (array([0.5, 1. , 1. ]), array([0.498, 0.914, 1.   ]))
+    >>> bool(np.allclose(clip(np.linspace(-9.0, 9.0, 19), 2.0, 1.0), 2.0 * np.tanh(np.linspace(-9.0, 9.0, 19) / 2.0)))
+    True
+    """
+    if corner <= 0 or np.any(np.isinf(limit)):
+        return np.clip(v, -limit, limit)
+    half = max(1.0 / corner - 1.0, NEARLY_TANH)  # half of the width of the clip over the scale of the logistic curve
+    z = v / positive(limit * (np.tanh(half) / half))
+    return limit / (2.0 * half) * (_log_cosh(z + half) - _log_cosh(z - half))
+
+
+def _log_cosh(z: Any) -> Any:
+    """``log(2 cosh(z))``."""
+    return np.abs(z) + np.log(1.0 + np.exp(-2.0 * np.abs(z)))
 
 
 def stable(width: float, jump: Any, h: float) -> Any:

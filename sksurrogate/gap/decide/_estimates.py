@@ -57,6 +57,7 @@ def estimates(search: BaseSearch[C], final: Evidence[C], found: PartialResults, 
                 simpler=_plain(others.simpler),
                 before=getattr(effect, "before", None),
                 settled=getattr(effect, "settled", True),
+                corner=getattr(effect, "corner", 0.0),
             )
         )
     return out

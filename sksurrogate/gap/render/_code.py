@@ -98,6 +98,7 @@ def _made(effect: EffectEstimate) -> str:
     given = [repr(place) for place in (effect.location, effect.variable) if place is not None]
     given += [] if effect.before is None else [f"before={effect.before!r}"]
     given += [] if effect.settled else ["settled=False"]
+    given += [f"corner={number(effect.corner, 12)}"] if effect.corner else []
     made = f'CATALOGUE["{effect.name}"]({", ".join(given)})'
     span = tuple(name for name in effect.params if name in WINDOW)
     return f"starting({made}, {span!r})" if span else made

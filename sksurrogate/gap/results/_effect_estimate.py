@@ -43,6 +43,8 @@ class EffectEstimate:
     before : float or None
         Of an actuator that remembers: the input before every run, as 0 where the runs begin with a step from rest; None: the value
         of their first rows.
+    corner : float
+        Of an actuator with a limit: how it bends there, from 0, a corner, to 1, ``tanh``.
     settled : bool
         Whether its memory began every run at rest. False for a relaxation that the diagnosis found elsewhere; ``augmented_`` begins it at rest.
 
@@ -69,6 +71,7 @@ class EffectEstimate:
     simpler: list[tuple[str, str, str | None]] = field(default_factory=list)
     before: float | None = None
     settled: bool = True
+    corner: float = 0.0
 
     def __str__(self) -> str:
         driver = f", driven by {self.variable}" if self.variable and self.variable != self.location else ""
@@ -76,13 +79,14 @@ class EffectEstimate:
 
 
 def circumstances(effect: EffectEstimate) -> str:
-    """The runs in which it acts, where these are not all; where its memory began, where that is not at rest.
+    """The runs in which it acts, where these are not all; where its memory began, where that is not at rest; how its limit bends.
 
     >>> circumstances(EffectEstimate("input_lag", "u", None, 1.0, {}, {}, 1.0, runs=("a", "c"), before=0.0))
     ", in runs 'a', 'c', from 0 before every run"
     """
     runs = effect.runs
     where = "" if runs is None else f", in {'run' if len(runs) == 1 else 'runs'} {', '.join(map(repr, runs))}"
+    where += f", soft at its limit ({effect.corner:.2g}; 0: a corner, 1: tanh)" if effect.corner else ""
     began = "" if effect.settled else ", not at rest where the runs begin"
     return where + (began if effect.before is None else f", from {effect.before:g} before every run")
 
