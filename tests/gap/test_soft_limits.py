@@ -7,7 +7,7 @@ from sksurrogate.effects import CATALOGUE, AugmentedSimulator, load_augmented, s
 from sksurrogate.effects._smooth import clip
 from sksurrogate.gap import GapDiagnoser
 from sksurrogate.gap.render._code import code_of
-from sksurrogate.physics import ODESimulator
+from sksurrogate.physics import BaseSimulator, ODESimulator
 
 DT, N, RUNS, LIMIT, NOISE = 0.05, 200, 4, 1.5, 0.01
 
@@ -58,6 +58,23 @@ def test_a_saturation_as_tanh_is_named_with_its_limit(diagnosed):
     assert effect.params["limit"] == pytest.approx(LIMIT, rel=0.02) and effect.corner > 0.7
     assert report.shrink.after < 1.1 * report.shrink.floor
     assert "soft at its limit" in str(effect) and "corner=" in code_of(report)
+
+
+class ByRuns(BaseSimulator):
+    """The cart through ``simulate`` alone."""
+
+    inputs, outputs, dt, params = ["force"], ["place"], DT, {}
+
+    def simulate(self, U, x0=None, t=None):
+        return NOMINAL.simulate(U)
+
+
+def test_a_saturation_as_tanh_is_named_through_simulate_alone(diagnosed):
+    X, y, groups = diagnosed[1]
+    report = GapDiagnoser(ByRuns(), n_jobs=1, random_state=0).fit(X, y, groups=groups).report_
+    (effect,) = report.effects
+    assert (report.verdict, effect.name) == ("explained", "input_saturation")
+    assert effect.params["limit"] == pytest.approx(LIMIT, rel=0.02) and effect.corner > 0.7
 
 
 def test_the_corner_is_carried_stored_and_written_as_a_graph(diagnosed, tmp_path):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import ClassVar, Protocol, TypeVar
+from typing import Any, ClassVar, Protocol, TypeVar
 
 import numpy as np
 
@@ -146,6 +146,10 @@ class BaseCandidate(ABC):
     @abstractmethod
     def at_nominal(self) -> BaseCandidate | None:
         """With its free parameters at their nominal values, the effects as they are; None where that has no free run."""
+
+    @abstractmethod
+    def fitted_as(self, effects: tuple[BaseEffect, ...]) -> Any:
+        """With other forms of its effects, of the same parameters, fitted from where it stands; None where that has no free run."""
 
     @abstractmethod
     def refitted(self, record: Record) -> BaseCandidate | None:

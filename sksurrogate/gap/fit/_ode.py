@@ -141,17 +141,9 @@ class OdeCandidate(BaseCandidate):
     def frozen(self, theta: np.ndarray, *, near: bool = False) -> OdeCandidate | None:
         """Free run at fixed parameters with the initial states fitted; ``near`` this one, to which it falls back."""
         fit = output_error(
-            self.model,
-            theta,
-            self.fit.x,
-            self.problem.sd,
-            unit=self.problem.units(self.effects, theta),
-            bounds=(theta, theta),
-            open_steps=1,
-            max_steps=6,
-            fallback=self.fit.x if near else None,
-            **slopes_last(self.model),
-        )
+            self.model, theta, self.fit.x, self.problem.sd, unit=self.problem.units(self.effects, theta), bounds=(theta, theta),
+            open_steps=1, max_steps=6, fallback=self.fit.x if near else None, **slopes_last(self.model),
+        )  # fmt: skip
         return None if fit is None else replace(self, fit=fit)
 
     def taken_out(self, i: int) -> OdeCandidate | None:
@@ -163,6 +155,9 @@ class OdeCandidate(BaseCandidate):
 
     def at_nominal(self) -> OdeCandidate | None:
         return self.frozen(np.r_[self.fit.theta[: self.n_parameters], np.zeros(len(self.problem.free))])
+
+    def fitted_as(self, effects: tuple[BaseEffect, ...]) -> OdeCandidate | None:
+        return self.problem.fit(effects, self.fit.theta, self.fit.x, open_steps=0)
 
     def refitted(self, record: Record) -> OdeCandidate | None:
         return replace(self.problem, record=record).fit(self.effects, self.fit.theta, self.fit.x, settled=True)

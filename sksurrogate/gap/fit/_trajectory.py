@@ -80,6 +80,9 @@ class TrajectoryCandidate(BaseCandidate):
         nominal = np.zeros(len(self.problem.free))
         return self.with_values(self.effects, np.r_[self.fit.theta[: self.n_parameters], nominal], self.fit.J)
 
+    def fitted_as(self, effects: tuple[BaseEffect, ...]) -> TrajectoryCandidate | None:
+        return self.problem.fit(effects, self.fit.theta, self.fit.J.transpose(1, 0, 2))
+
     def with_values(
         self, effects: tuple[BaseEffect, ...], theta: np.ndarray, J: np.ndarray
     ) -> TrajectoryCandidate | None:

@@ -25,8 +25,8 @@ from sksurrogate.gap.screen._screen import Screen, Start, screen
 from sksurrogate.gap.screen._twins import Twin
 from sksurrogate.gap.search._base import Wanted
 from sksurrogate.gap.search._fit_from_starts import best_starts, cheapest, fit_added, fit_pair
-from sksurrogate.gap.search._kink_width import bends
 from sksurrogate.gap.search._set_search import AS_NEAR, SetSearch
+from sksurrogate.gap.search._soft_limits import soft_where_nearer
 from sksurrogate.kernels.clock import check_time, limited
 from sksurrogate.kernels.output_error import Fit
 
@@ -87,7 +87,7 @@ class Expander(SetSearch[OdeCandidate]):
         again = {one.effects[-1].key: one for one in self.known(base, [c[0].effect for c in chosen])}
         again = {key: tried[key] for key in wanted_keys if key in tried} | again
         new = self.fit_all(base, [c for c in chosen if c[0].effect.key not in again], wanted.best)
-        new = [bends(one) if not is_at_noise(one.fit.cost, self.n_values) else one for one in new]
+        new = [one if is_at_noise(one.fit.cost, self.n_values) else soft_where_nearer(one) for one in new]
         tried.update((one.effects[-1].key, one) for one in new)
         candidates = [*again.values(), *new]
         self.remember(candidates)

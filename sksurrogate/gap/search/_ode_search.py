@@ -37,6 +37,7 @@ from sksurrogate.gap.search._onsets import look_for_onsets, twins_with_onset
 from sksurrogate.gap.search._related_forms import simplify
 from sksurrogate.gap.search._restart import line_searched
 from sksurrogate.gap.search._set_search import COMES_BACK
+from sksurrogate.gap.search._soft_limits import with_soft_limits
 from sksurrogate.gap.search._stopping import is_stack
 from sksurrogate.gap.search._windowed_grids import look_for_windowed_grids
 
@@ -187,7 +188,8 @@ class OdeSearch(Expander):
         """Fitted to the end, with kinks as wide as the plant's, and steps shorter and kinks sharper where that matters."""
         done = candidate.fit.converged
         best = candidate if done else candidate.resumed(candidate.problem, max_steps=FIT_STEPS) or candidate
-        best = rounded(best, self.threshold(1)) if best.fit.cost < self.most_left_cost else best
+        if best.fit.cost < self.most_left_cost:
+            best = rounded(with_soft_limits(best, self.threshold(1)), self.threshold(1))
         for n_sub, sharpness in FINER:
             own = best.problem.numerics
             finer = best.problem.at(own.finer(max(n_sub, 2 * own.n_sub), sharpness))

@@ -21,6 +21,7 @@ from sksurrogate.gap.fit._trajectory import TrajectoryBackend, TrajectoryCandida
 from sksurrogate.gap.screen._screen import LOST_TO_ROUNDING
 from sksurrogate.gap.search._base import Wanted
 from sksurrogate.gap.search._set_search import SetSearch
+from sksurrogate.gap.search._soft_limits import soft_where_nearer, with_soft_limits
 
 #: Candidates fitted in a round: so many by white noise, so many by the noise with forces.
 BY_WHITE, BY_FORCED = 10, 6
@@ -110,6 +111,10 @@ class TrajectorySearch(SetSearch[TrajectoryCandidate]):
         known = np.delete(candidate.fit.J, candidate.slice_of(i), axis=1)
         return self.problem.fit(effects, theta, known.transpose(1, 0, 2))
 
+    def refined(self, candidate: TrajectoryCandidate) -> TrajectoryCandidate:
+        """With its limits as soft as the data show."""
+        return with_soft_limits(candidate, self.threshold(1))
+
     def with_effect(
         self, base: TrajectoryCandidate, law: BaseEffect, values: np.ndarray, path: np.ndarray | None
     ) -> TrajectoryCandidate | None:
@@ -138,6 +143,9 @@ class TrajectorySearch(SetSearch[TrajectoryCandidate]):
         found: list[TrajectoryCandidate] = []
         for candidate in work(delayed(_fit)(self.problem, base, *start) for start in starts):
             if candidate is not None:
+                candidate = (
+                    soft_where_nearer(candidate) if candidate.fit.cost > SETTLED**2 * self.n_values else candidate
+                )
                 found.append(candidate)
                 self.remember([candidate])  # an interrupt leaves what is fitted by now
         return found

@@ -1,0 +1,72 @@
+"""A set with a softer and softer kink: the one that comes nearest to the data.
+
+A softness is one more parameter of a set. It is fitted by itself, since the others follow it in a few steps: softer and softer as long
+as that leads nearer to the data, then by parabolas.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+
+from sksurrogate.gap.fit._evidence import C, gain_by_size
+from sksurrogate.gap.search._restart import WORTH_A_FIT
+
+#: Values between those that are given which are fitted.
+MOST_BETWEEN = 5
+
+
+def softer(tried: dict[float, C], further: Sequence[float], at: Callable[[C, float], C | None]) -> C:
+    """The set of the sharpness that leads nearest: ``further`` up to the first that leaves more, if all do in between; then by parabolas.
+
+    ``tried``: by sharpness; the sharpest is the set as it is.
+    ``further``: softer and softer.
+    ``at``: a set fitted with a sharpness.
+    """
+    own = max(tried)
+    candidate = tried[own]
+    for sharpness in further:
+        nearest = min((one for s, one in tried.items() if s > sharpness), key=lambda one: one.fit.cost)
+        if sharpness not in tried:
+            tried[sharpness] = at(nearest, sharpness) or candidate
+        if tried[sharpness].fit.cost > nearest.fit.cost:
+            break
+    if _nearest(tried) is candidate:
+        between = float(np.sqrt(own * further[0]))
+        tried[between] = at(candidate, between) or candidate
+    for _ in range(MOST_BETWEEN):
+        nearest, sharpness = _nearest(tried), lowest({s: np.log(one.fit.cost) for s, one in tried.items()})
+        if nearest is candidate or sharpness in tried:
+            break
+        tried[sharpness] = at(nearest, sharpness) or candidate
+        if tried[sharpness].fit.cost > nearest.fit.cost - WORTH_A_FIT:
+            break
+    return _nearest(tried)
+
+
+def worth(price: float, candidate: C, other: C) -> C:
+    """A softer set where it gains more than a price (twice the log likelihood), else the set as it was."""
+    gain = 2.0 * gain_by_size(candidate.problem.record.n_values, candidate.fit.cost / other.fit.cost)
+    return other if gain > price else candidate
+
+
+def _nearest(tried: Mapping[float, C]) -> C:
+    """The one that leaves least."""
+    return min(tried.values(), key=lambda one: one.fit.cost)
+
+
+def lowest(costs: Mapping[float, float]) -> float:
+    """Where the parabola through the least of some costs and those beside it is lowest, over the logarithm; at an end the end itself.
+
+    >>> round(lowest({2.0: np.log(2.0 / 3.0) ** 2, 4.0: np.log(4.0 / 3.0) ** 2, 8.0: np.log(8.0 / 3.0) ** 2}), 9)
+    3.0
+    """
+    at = sorted(costs)
+    k = min(range(len(at)), key=lambda k: costs[at[k]])
+    if not 0 < k < len(at) - 1:
+        return at[k]
+    z, c = np.log(at[k - 1 : k + 2]), np.array([costs[one] for one in at[k - 1 : k + 2]])
+    before, after = (c[1] - c[0]) / (z[1] - z[0]), (c[2] - c[1]) / (z[2] - z[1])
+    bent = (after - before) / (z[2] - z[0])
+    return float(np.exp(0.5 * (z[0] + z[1] - before / bent))) if bent > 0 else at[k]
