@@ -1,5 +1,6 @@
 """A plant that is pushed by a large disturbance: the effect is named all the same, and what no candidate follows is said to be a disturbance."""
 
+from dataclasses import dataclass
 from types import SimpleNamespace
 
 import numpy as np
@@ -100,3 +101,34 @@ def test_only_a_whole_diagnosis_that_leaves_much_unexplained_looks_for_a_disturb
     first = SimpleNamespace(time_limit=None), report
     assert _under_disturbance.under_disturbance(None, None, None, first, Progress(None, None)) is None
     assert bool(looked) is asked
+
+
+@dataclass(frozen=True)
+class Known:
+    disturbance: float = 0.0
+    spread: float = 1.0
+
+
+@dataclass(frozen=True)
+class Said:
+    shrink: object
+    verdict: str = "unknown"
+    complete: bool = True
+    outputs: tuple = ("y",)
+    notes: tuple = ()
+    data: object = None
+
+
+@pytest.mark.parametrize(("after", "stands"), [(0.28, False), (0.22, False), (0.2, True)])
+def test_what_is_named_under_a_disturbance_closes_more_than_the_disturbance_makes_up(after, stands, monkeypatch):
+    """Of 0.3 that the simulator misses, half of the power is 0.212."""
+    told = (
+        SimpleNamespace(search=SimpleNamespace(report=lambda text: None)),
+        Said(SimpleNamespace(before=0.3, after=after)),
+    )
+    monkeypatch.setattr(_under_disturbance, "disturbance_left", lambda pipeline: np.array([0.2]))
+    monkeypatch.setattr(_under_disturbance, "asked_again", lambda *asked: told)
+    monkeypatch.setattr(_under_disturbance, "is_late", lambda *asked: False)
+    first = told[0], Said(SimpleNamespace(after=0.3, after_law=np.nan))
+    answer = _under_disturbance.under_disturbance(None, None, Known(), first, Progress(None, None))
+    assert (answer is not None) is stands

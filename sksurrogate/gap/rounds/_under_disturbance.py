@@ -15,7 +15,7 @@ import numpy as np
 from sksurrogate.gap._pipeline import DiagnosisPipeline
 from sksurrogate.gap._progress import Progress
 from sksurrogate.gap.fit._backend import BaseCandidate
-from sksurrogate.gap.fit._closeness import FAR, LARGEST_DISTURBANCE
+from sksurrogate.gap.fit._closeness import FAR, HALF_THE_POWER, LARGEST_DISTURBANCE
 from sksurrogate.gap.fit._evidence import Evidence, estimate_noise
 from sksurrogate.gap.fit._ode import OdeBackend
 from sksurrogate.gap.render._notes import disturbed
@@ -31,8 +31,9 @@ NEAREST = 4
 def under_disturbance(begin: Begin, runs: Runs, record: Record, first: Answer, progress: Progress) -> Answer | None:
     """The diagnosis with what the likeliest candidate leaves as a known disturbance.
 
-    None where names or a law explain the gap without it, where less is left than counts as noise anyway, and where nothing is named under it
-    that comes as near on runs left out as the first answer did.
+    None where names or a law explain the gap without it, where less is left than counts as noise anyway, where nothing is named under it
+    that comes as near on runs left out as the first answer did, and where what is named closes less of what the simulator misses there than
+    the disturbance makes up.
 
     ``first``: the diagnosis as usual.
     """
@@ -47,7 +48,7 @@ def under_disturbance(begin: Begin, runs: Runs, record: Record, first: Answer, p
     pipeline.search.report("under a disturbance of the plant")
     disturbed_record = replace(record, disturbance=np.hypot(record.disturbance, left))
     answer = asked_again(partial(begin, runs, disturbed_record), progress)
-    if answer is None or answer[1].shrink.after > remains:
+    if answer is None or answer[1].shrink.after > min(remains, HALF_THE_POWER * answer[1].shrink.before):
         return None
     again, said = answer
     note = disturbed(dict(zip(said.outputs, left / record.spread)))
