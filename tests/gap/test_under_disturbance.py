@@ -130,5 +130,5 @@ def test_what_is_named_under_a_disturbance_closes_more_than_the_disturbance_make
     monkeypatch.setattr(_under_disturbance, "asked_again", lambda *asked: told)
     monkeypatch.setattr(_under_disturbance, "is_late", lambda *asked: False)
     first = told[0], Said(SimpleNamespace(after=0.3, after_law=np.nan))
-    answer = _under_disturbance.under_disturbance(None, None, Known(), first, Progress(None, None))
+    answer = _under_disturbance.under_disturbance(print, None, Known(), first, Progress(None, None))
     assert (answer is not None) is stands
