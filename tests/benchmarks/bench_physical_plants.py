@@ -19,6 +19,7 @@ import physical_plants_coast  # noqa: F401
 import physical_plants_fields  # noqa: F401
 import physical_plants_imperfect  # noqa: F401
 import physical_plants_labs  # noqa: F401
+import physical_plants_mechatronics  # noqa: F401
 import physical_plants_messy  # noqa: F401
 import physical_plants_mills  # noqa: F401
 import physical_plants_one  # noqa: F401
@@ -29,6 +30,7 @@ import physical_plants_service  # noqa: F401
 import physical_plants_si  # noqa: F401
 import physical_plants_starts  # noqa: F401
 import physical_plants_trades  # noqa: F401
+import physical_plants_utilities  # noqa: F401
 import physical_plants_vehicles  # noqa: F401
 from physical_plants import CASES, KW
 
