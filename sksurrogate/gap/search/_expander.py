@@ -87,7 +87,7 @@ class Expander(SetSearch[OdeCandidate]):
         again = {one.effects[-1].key: one for one in self.known(base, [c[0].effect for c in chosen])}
         again = {key: tried[key] for key in wanted_keys if key in tried} | again
         new = self.fit_all(base, [c for c in chosen if c[0].effect.key not in again], wanted.best)
-        new = [one if is_at_noise(one.fit.cost, self.n_values) else soft_where_nearer(one) for one in new]
+        new = [soft_where_nearer(one) for one in new]
         tried.update((one.effects[-1].key, one) for one in new)
         candidates = [*again.values(), *new]
         self.remember(candidates)

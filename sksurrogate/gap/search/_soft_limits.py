@@ -2,46 +2,48 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import partial
 
+import numpy as np
+from sklearn.base import clone
+
 from sksurrogate.effects._input import LimitedActuator
+from sksurrogate.gap.fit._closeness import is_at_noise
 from sksurrogate.gap.fit._evidence import C
 from sksurrogate.gap.search._softer import softer, worth
 
 #: One over a corner that is one to the data, and over softer and softer ones.
-CORNER, SOFTER = 50.0, (20.0, 8.0, 3.2, 1.6, 1.0)
-#: One of these that is tried for every limit; where it leaves less than this share (squares), the limit is soft.
-TRIED, MUCH_NEARER = 3.2, 0.5
+HARD, SOFTER = 50.0, (20.0, 8.0, 3.2, 1.6, 1.0)
+#: One of these that is asked of every limit; where it leaves less than this share (squares), the limit is soft.
+ASKED_FIRST, MUCH_NEARER = 3.2, 0.5
 
 
 def soft_where_nearer(candidate: C) -> C:
     """A set whose last effect is a limit with a corner, or with a soft one where that leaves far less.
 
-    A limit that bends is far from the data as a corner, and would not be chosen.
+    A limit that bends is far from the data as a corner, and would not be chosen. Not asked at the noise.
     """
-    last = len(candidate.effects) - 1
-    if last not in _corners(candidate):
-        return candidate
-    soft = with_corner(candidate, TRIED, last)
+    last, at_noise = len(candidate.effects) - 1, is_at_noise(candidate.fit.cost, candidate.problem.record.n_values)
+    soft = None if at_noise or last not in _corners(candidate) else with_corner(candidate, ASKED_FIRST, last)
     if soft is None or soft.fit.cost > MUCH_NEARER * candidate.fit.cost:
         return candidate
-    return softer({CORNER: candidate, TRIED: soft}, SOFTER, partial(with_corner, i=last))
+    return softer({HARD: candidate, ASKED_FIRST: soft}, SOFTER, partial(with_corner, i=last))
 
 
 def with_soft_limits(candidate: C, price: float) -> C:
     """A set with the corner of each limit fitted, where that gains more than a ``price`` (twice the log likelihood); else as it is."""
     for i in _corners(candidate):
-        at: Callable[[C, float], C | None] = partial(with_corner, i=i)
-        candidate = worth(price, candidate, softer({CORNER: candidate}, SOFTER, at))
+        candidate = worth(price, candidate, softer({HARD: candidate}, SOFTER, partial(with_corner, i=i)))
     return candidate
 
 
 def with_corner(candidate: C, sharpness: float, i: int) -> C | None:
-    """A set fitted with limit i that has a corner of one over a sharpness."""
-    limit = candidate.effects[i]
-    bent = type(limit)(**{**limit.get_params(deep=False), "corner": 1.0 / sharpness})
-    return candidate.fitted_as((*candidate.effects[:i], bent, *candidate.effects[i + 1 :]))
+    """A set fitted with limit i that has a corner of one over a sharpness; None where it breaks the arithmetic."""
+    bent = clone(candidate.effects[i]).set_params(corner=1.0 / sharpness)
+    try:
+        return candidate.fitted_as((*candidate.effects[:i], bent, *candidate.effects[i + 1 :]))
+    except (ArithmeticError, np.linalg.LinAlgError):
+        return None
 
 
 def _corners(candidate: C) -> list[int]:

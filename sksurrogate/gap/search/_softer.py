@@ -18,10 +18,12 @@ MOST_BETWEEN = 5
 
 
 def softer(tried: dict[float, C], further: Sequence[float], at: Callable[[C, float], C | None]) -> C:
-    """The set of the sharpness that leads nearest: ``further`` up to the first that leaves more, if all do in between; then by parabolas.
+    """The set of the sharpness that leads nearest to the data.
+
+    First those that are ``further``, up to the one that leaves more; one in between where even the first does; then by parabolas.
 
     ``tried``: by sharpness; the sharpest is the set as it is.
-    ``further``: softer and softer.
+    ``further``: sharpnesses, softer and softer.
     ``at``: a set fitted with a sharpness.
     """
     own = max(tried)
@@ -36,7 +38,7 @@ def softer(tried: dict[float, C], further: Sequence[float], at: Callable[[C, flo
         between = float(np.sqrt(own * further[0]))
         tried[between] = at(candidate, between) or candidate
     for _ in range(MOST_BETWEEN):
-        nearest, sharpness = _nearest(tried), lowest({s: np.log(one.fit.cost) for s, one in tried.items()})
+        nearest, sharpness = _nearest(tried), lowest({s: one.fit.cost for s, one in tried.items()})
         if nearest is candidate or sharpness in tried:
             break
         tried[sharpness] = at(nearest, sharpness) or candidate
@@ -57,16 +59,18 @@ def _nearest(tried: Mapping[float, C]) -> C:
 
 
 def lowest(costs: Mapping[float, float]) -> float:
-    """Where the parabola through the least of some costs and those beside it is lowest, over the logarithm; at an end the end itself.
+    """Where the parabola through the least of some costs and those beside it is lowest, both logarithms; at an end the end itself.
 
-    >>> round(lowest({2.0: np.log(2.0 / 3.0) ** 2, 4.0: np.log(4.0 / 3.0) ** 2, 8.0: np.log(8.0 / 3.0) ** 2}), 9)
-    3.0
+    A cost of nothing is at its own place.
+
+    >>> round(lowest({s: np.exp(np.log(s / 3.0) ** 2) for s in (2.0, 4.0, 8.0)}), 9), lowest({2.0: 1.0, 4.0: 0.0, 8.0: 1.0})
+    (3.0, 4.0)
     """
     at = sorted(costs)
     k = min(range(len(at)), key=lambda k: costs[at[k]])
-    if not 0 < k < len(at) - 1:
+    if not 0 < k < len(at) - 1 or costs[at[k]] <= 0.0:
         return at[k]
-    z, c = np.log(at[k - 1 : k + 2]), np.array([costs[one] for one in at[k - 1 : k + 2]])
+    z, c = np.log(at[k - 1 : k + 2]), np.log([costs[one] for one in at[k - 1 : k + 2]])
     before, after = (c[1] - c[0]) / (z[1] - z[0]), (c[2] - c[1]) / (z[2] - z[1])
     bent = (after - before) / (z[2] - z[0])
     return float(np.exp(0.5 * (z[0] + z[1] - before / bent))) if bent > 0 else at[k]

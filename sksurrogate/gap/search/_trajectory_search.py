@@ -143,9 +143,6 @@ class TrajectorySearch(SetSearch[TrajectoryCandidate]):
         found: list[TrajectoryCandidate] = []
         for candidate in work(delayed(_fit)(self.problem, base, *start) for start in starts):
             if candidate is not None:
-                candidate = (
-                    soft_where_nearer(candidate) if candidate.fit.cost > SETTLED**2 * self.n_values else candidate
-                )
                 found.append(candidate)
                 self.remember([candidate])  # an interrupt leaves what is fitted by now
         return found
@@ -233,6 +230,7 @@ def _fit(
     moved = start[0] - effect.parameters[0].null if proportional else 0.0
     try:
         with silent_in_worker():
-            return problem.fit_added(base, effect, start, change[None] / moved if moved else None)
+            found = problem.fit_added(base, effect, start, change[None] / moved if moved else None)
+            return found and soft_where_nearer(found)
     except np.linalg.LinAlgError:  # slopes beyond the arithmetic: this candidate is lost
         return None
