@@ -22,18 +22,19 @@ def searched(monkeypatch, simulator, X, y, **options):
 
 
 def shortfalls(search):
-    """What sets lack to their subsets, price included, far from the data left out (no noise model holds there)."""
-    judged = [candidate for candidate in search.judged if not search.is_far(candidate)]
-    best = {}
-    for candidate in judged:
+    """What sets, each by its likeliest candidate, lack to their subsets, price included.
+
+    Those far from the data are left out: no noise model holds there.
+    """
+    best = {frozenset(): search.fitted_null.candidate}
+    for candidate in search.judged:
         key = frozenset(candidate.keys)
-        best[key] = max(best.get(key, -np.inf), search.evidence(candidate))
-    best[frozenset()] = search.evidence(search.fitted_null.candidate)
-    for candidate in judged:
-        for key, level in best.items():
-            added = sum(len(e.parameters) for e in candidate.effects if e.key not in key)
-            if key < frozenset(candidate.keys):
-                yield level - 0.5 * search.threshold(added) - search.evidence(candidate)
+        if not search.is_far(candidate) and (key not in best or search.evidence(candidate) > search.evidence(best[key])):
+            best[key] = candidate
+    for key, larger in best.items():
+        for part in (part for part in best if part < key):
+            added = sum(len(effect.parameters) for effect in larger.effects if effect.key not in part)
+            yield search.evidence(best[part]) - 0.5 * search.threshold(added) - search.evidence(larger)
 
 
 def leaking(t):

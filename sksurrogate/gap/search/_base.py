@@ -208,10 +208,10 @@ class BaseSearch(ABC, Generic[C]):
         return None if known is None else known.noise
 
     def judge(self, found: Evidence[C]) -> Evidence[C]:
-        """Keep the evidence of a candidate; a quick look leaves it its own noise."""
+        """Keep the evidence of a candidate under its likeliest noise: a quick look under that of others takes nothing from it."""
         known = self.own(found.candidate)
         if found.quick and known is not None:
-            found = replace(known, log_likelihood=found.log_likelihood)
+            found = known if known.log_likelihood >= found.log_likelihood else replace(found, quick=False)
         self.judged[found.candidate] = found
         return found
 

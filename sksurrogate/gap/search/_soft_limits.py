@@ -23,8 +23,10 @@ def soft_where_nearer(candidate: C) -> C:
 
     A limit that bends is far from the data as a corner, and would not be chosen. Not asked at the noise.
     """
-    last, at_noise = len(candidate.effects) - 1, is_at_noise(candidate.fit.cost, candidate.problem.record.n_values)
-    soft = None if at_noise or last not in _corners(candidate) else with_corner(candidate, ASKED_FIRST, last)
+    last = len(candidate.effects) - 1
+    if last not in _corners(candidate) or is_at_noise(candidate.fit.cost, candidate.problem.record.n_values):
+        return candidate
+    soft = with_corner(candidate, ASKED_FIRST, last)
     if soft is None or soft.fit.cost > MUCH_NEARER * candidate.fit.cost:
         return candidate
     return softer({HARD: candidate, ASKED_FIRST: soft}, SOFTER, partial(with_corner, i=last))
