@@ -1,7 +1,11 @@
-"""For all tests: no window, one thread a process, no time limit on hypothesis' examples, the same random numbers in every run."""
+"""For all tests: no window, one thread a process, no time limit on hypothesis' examples, the same random numbers in every run.
+
+``pytest --slow`` runs every test; without it only one in :data:`ONE_IN` of those marked ``slow``, always the same ones.
+"""
 
 import os
 import sys
+from zlib import crc32
 
 import numpy as np
 import pytest
@@ -12,6 +16,22 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 settings.register_profile("shared", deadline=None)
 settings.load_profile("shared")
+
+
+#: Of the slow tests one in so many is the sample.
+ONE_IN = 4
+
+
+def pytest_addoption(parser):
+    parser.addoption("--slow", action="store_true", help=f"run all slow tests, not one in {ONE_IN}")
+
+
+def pytest_collection_modifyitems(config, items):
+    if config.getoption("--slow") or any("::" in arg for arg in config.args):  # asked for, or asked for by name
+        return
+    left = [item for item in items if item.get_closest_marker("slow") and crc32(item.nodeid.encode()) % ONE_IN]
+    config.hook.pytest_deselected(items=left)
+    items[:] = [item for item in items if item not in set(left)]
 
 
 @pytest.fixture(autouse=True)

@@ -162,43 +162,23 @@ def resolve_runs(
     >>> [(r.label, len(r)) for r in runs]
     [('a', 2), ('b', 1)]
     """
-    X = no_inputs(y, groups) if X is None else X
-    frame = X if hasattr(X, "columns") else None
-    names = [str(c) for c in frame.columns] if frame is not None else None
-    labels = labels_from_index(frame) if run == "index" else None
-    table = as_table(X)
-    n_samples = len(table)
-    drop: list[int] = []
-    if run is not None and run != "index":
-        column = column_number(run, names, table.shape[1], "run")
-        drop.append(column)
-        labels = raw_column(table, column)
-    clock = None
-    if time is not None:
-        column = column_number(time, names, table.shape[1], "time")
-        drop.append(column)
-        clock = floats(table[:, column], f"time={time!r}")
-    if groups is not None:
-        labels = as_labels(groups)
-        if labels.ndim != 1 or len(labels) != n_samples:
-            raise DataError(
-                f"groups has shape {labels.shape}, but X has {n_samples} rows: give one label per row, e.g. groups=run_ids."
-            )
-    keep = [j for j in range(table.shape[1]) if j not in drop]
+    columns = _columns_of(no_inputs(y, groups) if X is None else X, run, time)
+    n_samples = len(columns.table)
+    labels = columns.labels if groups is None else _labels_of(groups, n_samples)
     refuse_unlabelled(labels, "groups" if groups is not None else f"run={run!r}")
-    inputs = floats(table[:, keep] if drop else table, "X", [names[j] for j in keep] if names else None)
+    inputs = floats(columns.table, "X", columns.names)
     outputs, output_names, is_1d = outputs_of(y, n_samples)
     if not allow_nan:
-        refuse_missing(inputs, "X", [names[j] for j in keep] if names else None, labels)
+        refuse_missing(inputs, "X", columns.names, labels)
         if outputs is not None:
             given = np.where(np.isnan(outputs), 0.0, outputs) if unmeasured else outputs
             refuse_missing(given, "y", output_names, labels)
     pieces = _pieces(labels, n_samples, min_rows)
     if unmeasured and outputs is not None:
         refuse_unseen(outputs, output_names, pieces)
-    if clock is not None:
-        refuse_missing(clock[:, None], f"time={time!r}", None, labels)
-    step, times = _times(clock, pieces, dt, allow_uneven, time)
+    if columns.clock is not None:
+        refuse_missing(columns.clock[:, None], f"time={time!r}", None, labels)
+    step, times = _times(columns.clock, pieces, dt, allow_uneven, time)
     runs = tuple(
         Run(label, a, b, inputs[a:b], None if outputs is None else outputs[a:b], t)
         for (label, a, b), t in zip(pieces, times)
@@ -207,10 +187,46 @@ def resolve_runs(
         runs,
         n_samples,
         step,
-        tuple(names[j] for j in keep) if names else None,
+        tuple(columns.names) if columns.names else None,
         tuple(output_names) if output_names else None,
         is_1d,
     )
+
+
+@dataclass(frozen=True, eq=False)
+class _Columns:
+    """What the columns of X are."""
+
+    table: np.ndarray  #: (n_samples, n_inputs)
+    names: list[str] | None  #: Of the inputs
+    labels: np.ndarray | None  #: (n_samples,): runs
+    clock: np.ndarray | None  #: (n_samples,): times
+
+
+def _columns_of(X: Any, run: str | int | None, time: str | int | None) -> _Columns:
+    """Inputs, run labels and times of X."""
+    frame = X if hasattr(X, "columns") else None
+    names = [str(c) for c in frame.columns] if frame is not None else None
+    labels = labels_from_index(frame) if run == "index" else None
+    clock, table, drop = None, as_table(X), []
+    if run is not None and run != "index":
+        drop.append(column_number(run, names, table.shape[1], "run"))
+        labels = raw_column(table, drop[-1])
+    if time is not None:
+        drop.append(column_number(time, names, table.shape[1], "time"))
+        clock = floats(table[:, drop[-1]], f"time={time!r}")
+    keep = [j for j in range(table.shape[1]) if j not in drop]
+    return _Columns(table[:, keep] if drop else table, [names[j] for j in keep] if names else None, labels, clock)
+
+
+def _labels_of(groups: Any, n_samples: int) -> np.ndarray:
+    """Run labels (n_samples,)."""
+    labels = as_labels(groups)
+    if labels.ndim != 1 or len(labels) != n_samples:
+        raise DataError(
+            f"groups has shape {labels.shape}, but X has {n_samples} rows: give one label per row, e.g. groups=run_ids."
+        )
+    return labels
 
 
 def stack_runs(X: Sequence[Any], y: Sequence[Any] | None = None) -> tuple:

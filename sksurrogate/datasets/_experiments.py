@@ -6,6 +6,7 @@ import hashlib
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import chain
 from numbers import Integral
 from pathlib import Path
 from typing import Any
@@ -146,30 +147,17 @@ def simulate_experiments(
     >>> data
     Experiments: 4 runs, 200 rows, 1 inputs, with derivatives, 0 runs failed
     """
-    for name, count, least in (("n_runs", n_runs, 1), ("n_samples", n_samples, 2), ("batch_size", batch_size, 1)):
-        if not isinstance(count, Integral) or isinstance(count, bool) or count < least:
-            raise DataError(f"{name}={count!r}: expected a whole number of at least {least}.")
-    if n_jobs is not None and (not isinstance(n_jobs, Integral) or n_jobs == 0):
-        raise DataError(f"n_jobs={n_jobs!r}: expected None, -1 or a positive integer.")
+    _refuse_counts(n_runs, n_samples, batch_size, n_jobs)
     plant = describe(simulator)
     rng = check_random_state(random_state)
     X0, U = design_of(plant, x0_ranges, input_ranges, design, n_runs, n_samples, hold, sampling, rng)
-    store = None
-    if cache is not None:
-        folder = Path(cache)
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise DataError(f"cache={str(cache)!r} is no folder and cannot be made one ({error.strerror}).") from error
-        store = (folder, fingerprint(simulator, "with cache=, simulator"))
+    store = None if cache is None else (_made_folder(cache), fingerprint(simulator, "with cache=, simulator"))
     sigma = _deviations(noise, len(plant.outputs))
     batches = [slice(a, min(a + batch_size, n_runs)) for a in range(0, n_runs, batch_size)]
     refuse_what_stays(simulator, n_jobs)
     parts = workers(n_jobs)(delayed(_cached)(simulator, U[b], X0[b], store) for b in batches)
-    runs: list[Any] = [
-        run if run is not None and np.all(np.isfinite(run[0])) else None for part in parts for run in part
-    ]
-    failed = tuple(r for r, run in enumerate(runs) if run is None)
+    runs = {r: run for r, run in enumerate(chain(*parts)) if run is not None and np.all(np.isfinite(run[0]))}
+    failed = tuple(r for r in range(n_runs) if r not in runs)
     if failed:
         warnings.warn(
             f"{len(failed)} of {n_runs} runs diverged and were left out, the first is run {failed[0]} from "
@@ -177,14 +165,12 @@ def simulate_experiments(
             RuntimeWarning,
             stacklevel=2,
         )
-    kept = [r for r in range(n_runs) if runs[r] is not None]
-    if not kept:
+    if not runs:
         raise DataError(
             "every run diverged: narrow x0_ranges or input_ranges, or give the simulator a smaller dt. The first one: "
             f"{_why_diverged(simulator, U[0], X0[0])}"
         )
-    columns = [None if runs[kept[0]][i] is None else np.concatenate([runs[r][i] for r in kept]) for i in range(3)]
-    y, states, dxdt = columns
+    y, states, dxdt = (None if part[0] is None else np.concatenate(part) for part in zip(*runs.values()))
     assert y is not None
     positions = plant.output_states if dxdt is not None else None
     dydt = None if positions is None or dxdt is None else dxdt[:, list(positions)]
@@ -193,8 +179,26 @@ def simulate_experiments(
         y = y + sigma * rng.normal(size=y.shape)
     if y.shape[1] == 1:
         y, dydt = y[:, 0], None if dydt is None else dydt[:, 0]
-    groups = np.repeat(kept, n_samples)
-    return Experiments(np.concatenate([U[r] for r in kept]), y, groups, dydt, states, dxdt, X0, failed)
+    groups = np.repeat(list(runs), n_samples)
+    return Experiments(np.concatenate([U[r] for r in runs]), y, groups, dydt, states, dxdt, X0, failed)
+
+
+def _refuse_counts(n_runs: Any, n_samples: Any, batch_size: Any, n_jobs: Any) -> None:
+    """Raise DataError where a count is none."""
+    for name, count, least in (("n_runs", n_runs, 1), ("n_samples", n_samples, 2), ("batch_size", batch_size, 1)):
+        if not isinstance(count, Integral) or isinstance(count, bool) or count < least:
+            raise DataError(f"{name}={count!r}: expected a whole number of at least {least}.")
+    if n_jobs is not None and (not isinstance(n_jobs, Integral) or n_jobs == 0):
+        raise DataError(f"n_jobs={n_jobs!r}: expected None, -1 or a positive integer.")
+
+
+def _made_folder(cache: str | Path) -> Path:
+    """The folder of the cache; made where it is not there."""
+    try:
+        Path(cache).mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise DataError(f"cache={str(cache)!r} is no folder and cannot be made one ({error.strerror}).") from error
+    return Path(cache)
 
 
 def _deviations(noise: Any, n_outputs: int) -> np.ndarray:

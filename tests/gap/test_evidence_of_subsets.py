@@ -29,7 +29,9 @@ def shortfalls(search):
     best = {frozenset(): search.fitted_null.candidate}
     for candidate in search.judged:
         key = frozenset(candidate.keys)
-        if not search.is_far(candidate) and (key not in best or search.evidence(candidate) > search.evidence(best[key])):
+        if not search.is_far(candidate) and (
+            key not in best or search.evidence(candidate) > search.evidence(best[key])
+        ):
             best[key] = candidate
     for key, larger in best.items():
         for part in (part for part in best if part < key):
