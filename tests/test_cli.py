@@ -56,6 +56,7 @@ def test_a_diagnosis_end_to_end(folder, capsys):
     assert "<svg" in page and "http" not in page
 
 
+@pytest.mark.slow
 def test_the_report_as_json(folder, capsys):
     command = ["diagnose", f"{folder / 'plant.py'}:plant", str(folder / "data.csv"), "--run", "experiment", "--quiet"]
     assert main([*command, "--json"]) == 0
@@ -93,6 +94,7 @@ def test_what_a_simulator_prints_is_no_part_of_the_report(folder, capsys):
     assert err.startswith("loaded\none step")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("jobs", [[], ["--jobs", "1"], ["--jobs", "2"]])
 def test_what_a_library_prints_past_python_is_no_part_of_the_report(folder, jobs):
     """A library in C writes to the descriptor, or to a buffer of its own that is full at any time."""
@@ -113,6 +115,7 @@ def test_what_a_library_prints_past_python_is_no_part_of_the_report(folder, jobs
     assert len(workers) == 1  # a worker runs the same simulator
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("jobs", [[], ["--jobs", "2"]])
 def test_a_simulator_that_warns_does_so_once(folder, jobs):
     """Each time with another text, in every process."""

@@ -73,6 +73,7 @@ def test_a_full_disk_leaves_the_file_that_was_there(writer, tmp_path, monkeypatc
     assert file.read_bytes() == (tmp_path / "once").read_bytes()
 
 
+@pytest.mark.slow
 def test_every_writer_of_the_package_writes_beside():
     own = {"blind/_seal.py", "blind/_solve.py", "_files.py"}  # a new file of its own name; a pipe; the helper
     for path in ROOT.rglob("*.py"):

@@ -320,6 +320,7 @@ def test_what_the_estimator_has_learned_is_seen_through_and_nothing_else(tmp_pat
             getattr(model, name)
 
 
+@pytest.mark.slow
 def test_an_edited_file_is_fitted_anew_and_the_same_one_is_read(tmp_path):
     (tmp_path / "plant.py").write_text(PLANT)
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path), "PYTHONDONTWRITEBYTECODE": "1"}

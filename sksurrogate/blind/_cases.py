@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import zlib
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from sksurrogate.blind._big_plants import BIG_PLANTS
-from sksurrogate.blind._choose import Setting, as_truth, choose, disturbance, fine, make_setting, sized
-from sksurrogate.blind._excite import coloured, initial_states, inputs
+from sksurrogate.blind._choose import Chosen, Setting, as_truth, choose, disturbance, fine, make_setting, sized
+from sksurrogate.blind._excite import initial_states, inputs
 from sksurrogate.blind._gap import gap_beyond
 from sksurrogate.blind._inexact import INEXACT
 from sksurrogate.blind._march import Course, march
 from sksurrogate.blind._plants import PLANTS, PlantSpec
+from sksurrogate.blind._readings import readings
 from sksurrogate.blind._truths import KINDS, Truth, remaining
 from sksurrogate.exceptions import SurrogateError
 
@@ -58,6 +59,9 @@ REAL_GAPS = {"weak": (0.3, 1.6), "sizes": (0.0, 12.0)}
 
 #: By how much all parameters of the simulator are off.
 OFF = {"detuned": 0.08, "far": 0.20}
+
+#: Coloured disturbance, as a share of the outputs.
+DISTURBED = {"disturbed": 0.015, "effect_disturbed": 0.01, "outside_disturbed": 0.01}
 
 #: Range of the runs beyond the range, over that of the test runs.
 FAR_RANGE = 1.5
@@ -202,66 +206,48 @@ def _attempt(rng: np.random.Generator, arm: str, seed: int, given: PlantSpec | N
     plants = BIG_PLANTS if arm == "big" else PLANTS
     plant = given or plants[str(rng.choice(list(plants)))]
     setting = make_setting(rng, plant, runs, arm)
-    if setting is None:
+    truths = None if setting is None else choose(rng, arm, setting)
+    if setting is None or truths is None:
         return None
-    truths = choose(rng, arm, setting)
-    if truths is None:
+    effects = _sized(rng, arm, setting, truths)
+    if effects is None:
         return None
-    gap = np.nan
-    if truths and arm != "unexcited":
-        low, high = GAPS.get(arm, (5.0, 50.0))
-        target = float(np.exp(rng.uniform(np.log(low), np.log(high))))
-        variants = [str(rng.choice(list(INEXACT[one[0]]))) if arm == "inexact" else "" for one in truths]
-        tried = [sized(setting, *one, target, low, variant) for one, variant in zip(truths, variants)]
-        if any(one is None for one in tried):
-            return None
-        effects = [one for one in tried if one is not None]
-    else:
-        effects = [as_truth(*one, 0.0) for one in truths]
-    if arm in ("disturbed", "effect_disturbed", "outside_disturbed"):
-        setting.force = disturbance(rng, setting, 0.015 if arm == "disturbed" else 0.01)
+    if arm in DISTURBED:
+        setting.force = disturbance(rng, setting, DISTURBED[arm])
     course = march(
         plant, setting.U, setting.X0, effects, force=setting.force, policy=setting.controller, substeps=fine(effects)
     )
-    nominal = setting.nominal
+    gap = _gap(arm, setting, effects, course)
+    return None if gap is None else _case(rng, arm, seed, setting, tuple(effects), course, gap)
+
+
+def _sized(rng: np.random.Generator, arm: str, setting: Setting, truths: list[Chosen]) -> list[Truth] | None:
+    """The effects at a size that makes the gap of the arm; None where one cannot."""
+    if not truths or arm == "unexcited":
+        return [as_truth(*one, 0.0) for one in truths]
+    low, high = GAPS.get(arm, (5.0, 50.0))
+    target = float(np.exp(rng.uniform(np.log(low), np.log(high))))
+    variants = [str(rng.choice(list(INEXACT[one[0]]))) if arm == "inexact" else "" for one in truths]
+    tried = [sized(setting, *one, target, low, variant) for one, variant in zip(truths, variants)]
+    effects = [one for one in tried if one is not None]
+    return effects if len(effects) == len(tried) else None
+
+
+def _gap(arm: str, setting: Setting, effects: list[Truth], course: Course) -> float | None:
+    """The gap over the noise; None where it is not that of the arm, or the plant leaves where it holds."""
+    plant, nominal = setting.plant, setting.nominal
     if setting.controller is not None:
         nominal = march(plant, course.inputs, setting.X0, substeps=8)
-    read = setting.read
-    error = (course.outputs - nominal.outputs)[..., read] / (setting.noise * setting.scale[read])
-    gap = float(np.sqrt(np.mean(error**2)))
-    if not np.isfinite(course.outputs).all() or np.abs(course.outputs).max() > 20 * np.abs(nominal.outputs).max() + 1.0:
-        return None
-    if not plant.holds(course.states):
-        return None
-    if arm == "unexcited" and gap > 0.02:
+    far = np.abs(course.outputs).max() > 20 * np.abs(nominal.outputs).max() + 1.0
+    if far or not np.isfinite(course.outputs).all() or not plant.holds(course.states):
         return None
     if effects and arm != "unexcited":
         gap, least = _real_gaps(setting, effects, course)
         low, high = REAL_GAPS.get(arm, (4.0, np.inf))
-        if not low <= least <= gap <= high:
-            return None
-    return _case(rng, arm, seed, setting, tuple(effects), course, gap)
-
-
-def spoiled(rng: np.random.Generator, arm: str, y: np.ndarray, noise: np.ndarray) -> np.ndarray:
-    """What is wrong with readings (n_runs, n_samples, n_outputs) beside their white noise.
-
-    Spikes; the difference from white noise to one with heavy tails of the same deviation; a slow trend or an offset from
-    run to run of one sensor.
-    """
-    out = np.zeros_like(y)
-    if arm == "spikes":
-        hit = rng.random(y.shape) < 0.02
-        out = np.where(hit, rng.choice([-1.0, 1.0], y.shape) * rng.uniform(5.0, 50.0, y.shape) * noise, 0.0)
-    elif arm == "tails":
-        out = noise * (rng.standard_t(3, size=y.shape) / np.sqrt(3.0) - rng.normal(size=y.shape))
-    elif arm == "trends":
-        j, size = int(rng.integers(y.shape[2])), float(rng.uniform(2.0, 8.0))
-        if rng.random() < 0.5:
-            out[..., j] = size * noise[j] * np.linspace(-1.0, 1.0, y.shape[1]) * rng.choice([-1.0, 1.0])
-        else:
-            out[..., j] = size * noise[j] * rng.uniform(-1.0, 1.0, (len(y), 1))
-    return out
+        return gap if low <= least <= gap <= high else None
+    error = (course.outputs - nominal.outputs)[..., setting.read] / (setting.noise * setting.scale[setting.read])
+    gap = float(np.sqrt(np.mean(error**2)))
+    return None if arm == "unexcited" and gap > 0.02 else gap
 
 
 def _real_gaps(setting: Setting, effects: list[Truth], course: Course) -> tuple[float, float]:
@@ -286,38 +272,25 @@ def _unit(setting: Setting) -> np.ndarray:
 
 def _case(rng: np.random.Generator, arm: str, seed: int, setting: Setting, truths: tuple[Truth, ...], course: Course,
           gap: float) -> Case | None:  # fmt: skip
-    """Noise, the test runs, the question and its answer."""
+    """Readings, the test runs, the question and its answer."""
     plant, read = setting.plant, setting.read
     n_runs, n_samples, _ = setting.U.shape
-    clean = course.outputs[..., read]
-    noise = setting.noise * setting.scale[read]
-    y = clean + noise * rng.normal(size=clean.shape)
-    if setting.controller is not None and 0 in read:  # the controller read this very noise
-        y[..., read.index(0)] = clean[..., read.index(0)] + setting.controller.noise
-    y = y + spoiled(rng, arm, y, noise)
-    if arm == "coloured":
-        y = y + 0.015 * setting.scale[read] * coloured(rng, y.shape, float(rng.uniform(5, 20)))
+    y = readings(rng, arm, setting, course)
     params = dict(plant.params)
     if arm in OFF:
-        off = OFF[arm]
-        params = {name: value * (1 + rng.uniform(-off, off)) for name, value in params.items()}
-    test_kind = "steps" if setting.excitation in ("closed_loop", "recorded") else setting.excitation
-    X_test = (
-        inputs(rng, plant, test_kind, 2, min(n_samples, 300)) if setting.excitation != "recorded" else setting.U[:2]
-    )
-    x0_test = initial_states(rng, plant, len(X_test))
-    for truth in truths:
-        if KINDS.get(truth.name) is not None and KINDS[truth.name].place == "limit":
-            i = plant.states.index(truth.location)
-            x0_test[:, i] = np.minimum(x0_test[:, i], truth.params["limit"])
+        params = {name: value * (1 + rng.uniform(-OFF[arm], OFF[arm])) for name, value in params.items()}
+    X_test, x0_test = _test_runs(rng, setting, truths)
     test = march(plant, X_test, x0_test, truths, substeps=12).outputs[..., read]
     if not np.isfinite(test).all():
         return None
     X_far, x0_far, y_far = _beyond(plant, X_test, x0_test, truths, read) if arm == "law" else (None, None, None)
+    rows = np.arange(n_runs * n_samples)
+    if arm == "unequal":
+        lengths = np.maximum((n_samples * rng.uniform(0.3, 1.0, n_runs)).astype(int), 40)
+        rows = np.flatnonzero(rows % n_samples < np.repeat(lengths, n_samples))
     counting = plant.simulator(params, setting.outputs, counting=True)
     question = Question(
-        counting, course.inputs.reshape(n_runs * n_samples, -1), y.reshape(n_runs * n_samples, -1),
-        np.repeat(np.arange(n_runs), n_samples), "all" if arm in OFF else (),
+        counting, np.concatenate(course.inputs)[rows], np.concatenate(y)[rows], rows // n_samples, "all" if arm in OFF else (),
         remaining([truth.name for truth in truths]) if arm in ("outside", "outside_disturbed") else None, X_test, x0_test,
         X_far, x0_far,
     )  # fmt: skip
@@ -327,26 +300,23 @@ def _case(rng: np.random.Generator, arm: str, seed: int, setting: Setting, truth
         "n_samples": n_samples, "n_states": len(plant.states), "repeats": setting.repeats, "gap_over_noise": gap,
         "truths": [truth.to_dict() for truth in truths],
     }  # fmt: skip
-    states = course.states.reshape(n_runs * n_samples, -1)
-    if arm == "unequal":
-        lengths = np.maximum((n_samples * rng.uniform(0.3, 1.0, n_runs)).astype(int), 40)
-        kept = np.tile(np.arange(n_samples), n_runs) < np.repeat(lengths, n_samples)
-        rows = question.X[kept], question.y[kept], question.groups[kept]
-        question, states = replace(question, X=rows[0], y=rows[1], groups=rows[2]), states[kept]
     return Case(
-        arm,
-        question,
-        truths,
-        facts,
-        test,
-        setting.scale[read],
-        states,
-        plant,
-        noise,
-        course.states[:, 0].copy(),
-        _unit(setting),
-        y_far,
-    )
+        arm, question, truths, facts, test, setting.scale[read], np.concatenate(course.states)[rows], plant,
+        setting.noise * setting.scale[read], course.states[:, 0].copy(), _unit(setting), y_far,
+    )  # fmt: skip
+
+
+def _test_runs(rng: np.random.Generator, setting: Setting, truths: tuple[Truth, ...]) -> tuple[np.ndarray, np.ndarray]:
+    """Inputs (n_runs, n_samples, n_inputs) and initial states (n_runs, n_states) of the runs that are to be predicted."""
+    plant, recorded = setting.plant, setting.excitation == "recorded"
+    kind = "steps" if recorded or setting.excitation == "closed_loop" else setting.excitation
+    X = setting.U[:2] if recorded else inputs(rng, plant, kind, 2, min(setting.U.shape[1], 300))
+    x0 = initial_states(rng, plant, len(X))
+    for truth in truths:
+        if KINDS.get(truth.name) is not None and KINDS[truth.name].place == "limit":
+            i = plant.states.index(truth.location)
+            x0[:, i] = np.minimum(x0[:, i], truth.params["limit"])
+    return X, x0
 
 
 def _beyond(plant: PlantSpec, X: np.ndarray, x0: np.ndarray, truths: tuple[Truth, ...], read: list[int]) -> Any:

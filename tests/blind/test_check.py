@@ -122,6 +122,7 @@ def test_a_big_plant_has_the_states_of_its_name_and_is_its_simulator(plant):
     np.testing.assert_allclose(course.outputs, expected, atol=5e-5 * np.abs(expected).max())
 
 
+@pytest.mark.slow
 def test_a_seed_repeats_a_case_and_no_seed_does_not():
     one, two, other = draw("effect", 3), draw("effect", 3), draw("none")
     np.testing.assert_array_equal(one.question.y, two.question.y)
@@ -153,6 +154,7 @@ def test_a_seal_opens_only_with_its_pad_and_only_unchanged(tmp_path):
         seal.open()
 
 
+@pytest.mark.slow
 def test_the_diagnosis_cannot_reach_the_truth():
     """The other process looks at its objects, arguments, environment and every seal it finds; and finds nothing."""
     found = {}
@@ -178,6 +180,7 @@ def test_a_question_holds_no_part_of_the_case():
     }  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_diagnosis_that_fails_dies_or_hangs_is_a_row_of_its_own():
     question = drawn("none").question
     for function, limit, said in (("raises", 60, "lost the thread"), ("dies", 60, "ended"), ("sleeps", 3, "in time")):
@@ -243,6 +246,7 @@ def test_the_oracle_pays_for_the_noise_alone():
 # ---- campaign
 
 
+@pytest.mark.slow
 def test_a_broken_off_check_is_taken_up_again(tmp_path, solver):
     file = tmp_path / "rows.jsonl"
     first = run_blind_check(2, ["none", "coloured"], seed=1, diagnosis=f"{HERE}:says_nothing", resume=file)
@@ -255,6 +259,7 @@ def test_a_broken_off_check_is_taken_up_again(tmp_path, solver):
     assert all(row["right"] for row in again.rows) and len(BlindResult.load(file).rows) == 4
 
 
+@pytest.mark.slow
 def test_a_case_takes_longer_than_its_answer_and_less_than_its_call(solver):
     started = time.perf_counter()
     row = run_case("none", 3, diagnosis=f"{HERE}:says_nothing", solver=solver)
@@ -297,6 +302,7 @@ def test_arms_and_files_that_are_not_there_say_so(tmp_path):
         BlindResult.load(tmp_path / "none.jsonl")
 
 
+@pytest.mark.slow
 def test_tables_and_page(tmp_path, solver):
     rows = []
     for arm, seed in (("none", 0), ("effect", 0), ("novel", 0)):
@@ -312,6 +318,7 @@ def test_tables_and_page(tmp_path, solver):
     assert "not named, said none" in result.to_markdown()
 
 
+@pytest.mark.slow
 def test_the_command_line(tmp_path, capsys, monkeypatch):
     from sksurrogate.blind import _campaign
     from sksurrogate.cli import main
@@ -347,6 +354,7 @@ def own(**more):
     )
 
 
+@pytest.mark.slow
 def test_a_simulator_of_your_own(solver):
     from sksurrogate.blind._own_simulator import plant_of
 
@@ -365,6 +373,7 @@ def test_a_simulator_of_your_own(solver):
         plant_of(own(), input_ranges={"f": (0, 1)}, x0_spread=[0.1])
 
 
+@pytest.mark.slow
 def test_baselines_answer_the_cases_of_a_check_that_was_done(tmp_path, monkeypatch):
     from sksurrogate.blind import _baselines
 
@@ -383,6 +392,7 @@ def test_baselines_answer_the_cases_of_a_check_that_was_done(tmp_path, monkeypat
     assert all(row["verdict"] in ("none", "unknown") and row["processor_seconds"] >= 0 for row in found)
 
 
+@pytest.mark.slow
 def test_an_answering_process_is_replaced_in_time(monkeypatch):
     """Memory that a diagnosis does not give back cannot grow over a long check."""
     from sksurrogate.blind import _solve

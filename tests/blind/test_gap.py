@@ -62,6 +62,7 @@ def test_an_output_that_is_not_measured_does_not_count(experiment):
     assert gap_beyond(plant, U, X0, outputs, unit) < 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2])
 def test_drawn_gaps_are_at_least_four_times_the_noise(seed):
     assert draw("effect", seed).facts["gap_over_noise"] >= 4.0

@@ -38,6 +38,7 @@ def test_a_law_of_the_recent_past_is_a_filter_and_a_term(name):
     np.testing.assert_allclose(found.T, want[:2], rtol=1e-4, atol=1e-5)
 
 
+@pytest.mark.slow
 def test_a_case_goes_beyond_its_range_and_is_scored_there():
     case = draw("law", 90001)
     plain = np.array(

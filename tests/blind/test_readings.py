@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from sksurrogate.blind._cases import spoiled
 from sksurrogate.blind._equations import battery_voltage, rlc_circuit
+from sksurrogate.blind._readings import spoiled
 
 SHAPE, NOISE = (6, 4000, 2), np.array([0.1, 3.0])
 

@@ -39,6 +39,7 @@ def test_free_fall_misses_the_air_on_light_balls_only():
     assert recorded(HEAVY[0], SHARED).documented == ()
 
 
+@pytest.mark.slow
 @here
 def test_a_light_ball_end_to_end():
     """With and without the effect's class in the catalogue."""

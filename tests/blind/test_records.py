@@ -33,6 +33,7 @@ def test_readings_that_stay_are_the_same(case, record):
         assert rows[::5].all() and not rows[1:5, 0].any() and rows[:, 1::2].all()
 
 
+@pytest.mark.slow
 def test_readings_of_a_jittering_record_lie_on_the_path_of_the_plant():
     even = draw("none", 5)
     case = as_recorded(even, "jitter")
@@ -68,6 +69,7 @@ def answered(question):
     return {"error": f"{np.isnan(question.y).any()} {n} {question.time is None}"}
 
 
+@pytest.mark.slow
 def test_rows_say_how_they_were_recorded_and_count_for_that_record_alone(tmp_path):
     where = f"{__name__}:answered"
     with Solver(where) as solver:

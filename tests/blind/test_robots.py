@@ -45,6 +45,7 @@ def _nominal(case):
     return np.stack([simulator.simulate(U, x0=x0) for U, x0 in zip(case["U"], case["X0"])])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", LINKAGE_ANSWERS)
 def test_every_friction_makes_a_gap_in_an_arm(kind):
     assert 5.0 <= drawn(linkage_case, kind)["gap"] < 200.0
@@ -133,6 +134,7 @@ def says_nothing(question):
     return {"verdict": "none", "effects": [], "predicted": predicted, "seconds": 0.0, "processor_seconds": 0.0}
 
 
+@pytest.mark.slow
 def test_a_robot_is_asked_like_the_others():
     """Another diagnosis in the other process: it says that there is nothing."""
     result = run_blind_check(1, "linkage_none", seed=0, diagnosis=f"{__name__}:says_nothing")

@@ -40,6 +40,7 @@ def test_the_true_region_scores_one_and_everywhere_scores_its_part(regional):
     assert region_score(regional, []) is None
 
 
+@pytest.mark.slow
 def test_a_learned_curve_is_compared_with_the_true_term():
     case = draw("novel", 0)
     truth = case.truths[0]
@@ -63,6 +64,7 @@ def test_true_curves_are_the_formulae():
     assert true_curve(Truth("input_delay", "u", None, {"delay": 1.0}), v) is None
 
 
+@pytest.mark.slow
 def test_the_suggested_experiment_is_one_more_run(regional):
     best = "a run with inputs twice as far from their mean"
     question = follow(regional, {"next_experiment": {"best": best}})
@@ -78,6 +80,7 @@ def test_the_suggested_experiment_is_one_more_run(regional):
     assert follow(regional, {}) is None and experiment(regional, "a dance") is None
 
 
+@pytest.mark.slow
 def test_the_suggested_experiment_is_scored_against_the_same_run_again(regional):
     """The tied names are asked again, nothing else; leads in nats are read from twice the log likelihoods."""
     truth = regional.truths[0]

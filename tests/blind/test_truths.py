@@ -175,6 +175,7 @@ def test_two_ways_to_one_effect_that_begins(plant_name, effect):
 ENDS = [case for case in CAN_START if case[1][0] in ("parameter_error", "state_saturation", "overflow", "input_gain")]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("plant_name, effect", ENDS, ids=[one[0] for _, one in ENDS])
 def test_two_ways_to_one_effect_that_begins_and_ends(plant_name, effect):
     """No state is beyond its limit where that sets in: it is brought back within a substep, not at once."""
@@ -247,6 +248,7 @@ def test_the_equations_are_not_the_catalogues():
         )
 
 
+@pytest.mark.slow
 def test_what_retuning_can_imitate_leaves_no_gap():
     """A linear loss in the reactor is another flow and another feed; a quantized sensor is nothing of the kind."""
     plant = PLANTS["reactor"]
@@ -269,6 +271,7 @@ def test_a_curved_input_and_a_quadratic_loss_in_that_input_leave_the_catalogue_t
     assert "quadratic_loss" not in remaining(["input_curve"])
 
 
+@pytest.mark.slow
 def test_experiments_in_which_a_pendulum_tumbles_are_drawn_again():
     plant = PLANTS["pendulum"]
     assert plant.holds(np.full((1, 5, 2), 6.0))
@@ -279,6 +282,7 @@ def test_experiments_in_which_a_pendulum_tumbles_are_drawn_again():
         assert np.abs(angle).max() < 6.3 + 10 * case.unit[0]
 
 
+@pytest.mark.slow
 def test_the_arm_of_onsets_draws_effects_that_begin_within_the_runs():
     case = draw("onset", 3, plant=PLANTS["oscillator"])
     truth, plant = case.truths[0], case.plant

@@ -109,6 +109,7 @@ def test_rounds_remove_the_curvature_of_a_window():
     assert errors[1] < errors[0] / 4
 
 
+@pytest.mark.slow
 def test_joined_inputs_and_stiff_integrators_agree():
     def rhs(t, x, u, p):
         return [x[1], -4 * x[0] - x[1] + u[0]]

@@ -170,6 +170,7 @@ def test_slopes_of_what_only_looks_linear_are_not_used_for_a_shooting_fit(tmp_pa
             HybridRegressor(None, model, "output", loss="shooting", n_lags=1).fit(U, Y)
 
 
+@pytest.mark.slow
 def test_a_term_inside_a_plant_is_a_linear_model_only_where_it_predicts_linearly():
     def rhs(t, x, u, p):
         return [u[0] - x[0]]

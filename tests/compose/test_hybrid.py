@@ -23,6 +23,7 @@ def test_a_perfect_simulator_needs_no_correction():
     assert hybrid.free_run_rmse_ < 1e-6
 
 
+@pytest.mark.slow
 def test_figure_8_closes_95_percent_of_the_gap_on_unseen_runs():
     from sksurrogate.demo import _closed
 
@@ -43,6 +44,7 @@ def test_runs_abreast_equal_runs_one_by_one():
         np.testing.assert_allclose(hybrid.predict(X[groups == k]), together[groups == k], atol=1e-10)
 
 
+@pytest.mark.slow
 def test_y0_of_the_wrong_shape_says_what_is_expected():
     X, y, groups = make_reactor_runs(2, 60, random_state=0)
     hybrid = HybridRegressor(linear_reactor()).fit(X, y, groups=groups)

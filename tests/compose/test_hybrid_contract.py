@@ -43,6 +43,7 @@ def test_nested_parameters_of_the_simulator_and_the_residual_are_searched():
     assert hybrid.simulator.params["flow"] == 3.0
 
 
+@pytest.mark.slow
 def test_more_runs_improve_the_hybrid_step_by_step():
     X, y, groups = make_reactor_runs(9, 120, noise=0.02, random_state=3)
     new_X, new_y, new = make_reactor_runs(6, 120, noise=0.02, random_state=4)
@@ -80,6 +81,7 @@ def test_fit_forgets_the_runs_before_it():
     np.testing.assert_array_equal(hybrid.region_.high, whole.region_.high)
 
 
+@pytest.mark.slow
 def test_warm_start_goes_on_from_the_last_fit():
     X, y, groups = make_reactor_runs(4, 100, random_state=0)
     cold = HybridRegressor(linear_reactor()).fit(X, y, groups=groups)
@@ -90,6 +92,7 @@ def test_warm_start_goes_on_from_the_last_fit():
     assert warm.free_run_rmse_ <= 1.05 * cold.free_run_rmse_
 
 
+@pytest.mark.slow
 def test_far_from_the_data_the_physics_is_left_alone_and_the_spread_says_so():
     X, y, groups = make_reactor_runs(6, 120, u_range=(0.05, 0.12), y0_range=(3.0, 6.0), noise=0.01, random_state=0)
     hybrid = HybridRegressor(linear_reactor()).fit(X, y, groups=groups)
@@ -106,6 +109,7 @@ def test_far_from_the_data_the_physics_is_left_alone_and_the_spread_says_so():
     np.testing.assert_allclose(wide[10:] ** 2, parts, rtol=2e-3)
 
 
+@pytest.mark.slow
 def test_the_spread_holds_what_the_members_disagree_by():
     X, y, groups = make_reactor_runs(6, 120, u_range=(0.05, 0.12), y0_range=(3.0, 6.0), noise=0.01, random_state=0)
     hybrid = HybridRegressor(linear_reactor()).fit(X, y, groups=groups)
@@ -119,6 +123,7 @@ def test_the_spread_holds_what_the_members_disagree_by():
     np.testing.assert_allclose(std[sure] ** 2, known**2 + disagree[sure] ** 2, rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_the_spread_grows_from_the_edge_of_the_data_on_and_stays():
     """Where the correction has not started to fade yet; back inside, the run still remembers where it was."""
     X, y, groups = make_reactor_runs(6, 120, u_range=(0.05, 0.12), y0_range=(3.0, 6.0), noise=0.01, random_state=0)
@@ -134,6 +139,7 @@ def test_the_spread_grows_from_the_edge_of_the_data_on_and_stays():
     )
 
 
+@pytest.mark.slow
 def test_two_standard_deviations_hold_most_of_unseen_runs():
     X, y, groups = make_reactor_runs(8, 120, noise=0.02, random_state=0)
     new_X, new_y, new = make_reactor_runs(6, 120, noise=0.02, random_state=5)

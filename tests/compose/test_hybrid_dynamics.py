@@ -29,6 +29,7 @@ def runs(simulator, n_runs=5, n=160, noise=0.0, seed=0):
     return stack_runs(U, [y + noise * rng.normal(size=n) for y in Y])
 
 
+@pytest.mark.slow
 def test_a_missing_cubic_spring_is_found_in_the_dynamics_of_the_unmeasured_speed():
     X, y, groups = runs(plant(cubic=0.5), noise=0.01)
     residual = make_pipeline(PolynomialFeatures(3, include_bias=False), Ridge())
@@ -51,6 +52,7 @@ def test_a_bent_input_is_found_by_the_input_form():
     assert np.std(hybrid.predict(new_X, groups=new) - new_y) < 0.1 * np.std(alone - new_y)
 
 
+@pytest.mark.slow
 def test_a_perfect_simulator_gets_next_to_no_term():
     X, y, groups = runs(plant(), noise=0.01)
     hybrid = HybridRegressor(plant(), form="dynamics").fit(X, y, groups=groups)
@@ -58,6 +60,7 @@ def test_a_perfect_simulator_gets_next_to_no_term():
     assert np.std(hybrid.predict(new_X, groups=new) - new_y) < 0.02
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("loss", ["one_step", "shooting"])
 def test_figure_8_from_inside(loss):
     X, y, groups = make_reactor_runs(8, 120, random_state=0)
@@ -70,6 +73,7 @@ def test_figure_8_from_inside(loss):
     assert np.isnan(one[::120]).all() and np.nanstd(one - new_y) < 0.05
 
 
+@pytest.mark.slow
 def test_the_error_of_free_runs_is_that_of_predictions_from_the_first_measurement():
     X, y, groups = make_reactor_runs(3, 30, random_state=0)
     hybrid = HybridRegressor(linear_reactor(), form="dynamics", states=["y"]).fit(X, y, groups=groups)
@@ -79,6 +83,7 @@ def test_the_error_of_free_runs_is_that_of_predictions_from_the_first_measuremen
     assert hybrid.correction_.judge(inputs, measured).rmse ** 2 == pytest.approx(error, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_the_right_hand_side_with_the_term_is_the_simulators_plus_the_term():
     X, y, groups = make_reactor_runs(4, 80, random_state=0)
     hybrid = HybridRegressor(linear_reactor(), form="dynamics", fade=float("inf")).fit(X, y, groups=groups)

@@ -50,6 +50,7 @@ def gaussian_process():
     return make_pipeline(StandardScaler(), GaussianProcessRegressor(RBF() + WhiteKernel(0.003), optimizer=None))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("residual", "least"),
     [
@@ -79,6 +80,7 @@ def test_a_missing_spring_is_learned_behind_an_unmeasured_speed(residual, least)
     )
 
 
+@pytest.mark.slow
 def test_the_force_is_that_of_the_planted_term():
     X, y, groups = runs(plant(cubic=0.5), n_runs=8, n=200)
     hybrid = HybridRegressor(plant(), gaussian_process(), "dynamics", fade=float("inf")).fit(X, y, groups=groups)
@@ -88,6 +90,7 @@ def test_the_force_is_that_of_the_planted_term():
     np.testing.assert_allclose(hybrid.correction_.rhs(0.0, *at), np.stack([0 * q, -q - 0.5 * q**3]), atol=0.03)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("residual", [FOREST, gaussian_process()], ids=["forest", "gp"])
 def test_a_bent_input_is_learned_by_the_input_form(residual):
     X, y, groups = runs(plant(bend=0.3))
@@ -95,6 +98,7 @@ def test_a_bent_input_is_learned_by_the_input_form(residual):
     assert closed(hybrid, plant(bend=0.3), plant()) > 0.75
 
 
+@pytest.mark.slow
 def test_all_states_measured_one_step_is_the_step_of_the_free_run():
     truth, model = plant(("q", "v"), cubic=0.5), plant(("q", "v"))
     X, y, groups = runs(truth)
@@ -106,6 +110,7 @@ def test_all_states_measured_one_step_is_the_step_of_the_free_run():
     assert np.isnan(one[0]).all() and np.nanstd(one - y) < 0.01
 
 
+@pytest.mark.slow
 def test_a_regressor_that_predicts_nothing_leaves_the_physics_alone():
     class Nothing(KNeighborsRegressor):
         def predict(self, X):
@@ -117,6 +122,7 @@ def test_a_regressor_that_predicts_nothing_leaves_the_physics_alone():
     np.testing.assert_allclose(hybrid.predict(X, groups=groups), alone, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_a_grid_over_the_residual_and_more_data():
     X, y, groups = runs(plant(cubic=0.5), n=80)
     grid = GridSearchCV(
@@ -136,6 +142,7 @@ def test_a_grid_over_the_residual_and_more_data():
     np.testing.assert_allclose(half.shrinkage_, whole.shrinkage_)
 
 
+@pytest.mark.slow
 def test_the_map_of_a_step_function_is_corrected():
     def make(bend):
         def step(t, x, u, p, dt):
@@ -150,6 +157,7 @@ def test_the_map_of_a_step_function_is_corrected():
     np.testing.assert_allclose(hybrid.predict(X, groups=groups), y, atol=0.01)
 
 
+@pytest.mark.slow
 def test_far_outside_the_data_the_physics_is_left_alone():
     X, y, groups = runs(plant(cubic=0.5))
     hybrid = HybridRegressor(plant(), FOREST, "dynamics").fit(X, y, groups=groups)
@@ -166,6 +174,7 @@ def test_what_has_no_slopes_is_not_shot():
         HybridRegressor(plant(), FOREST, "dynamics", loss="shooting").fit(X, y, groups=groups)
 
 
+@pytest.mark.slow
 def test_the_export_of_a_net_inside_equals_predict():
     X, y, groups = runs(plant(cubic=0.5))
     residual = make_pipeline(

@@ -49,6 +49,7 @@ def spring(bent):
     return ODESimulator(pushed, states=["q", "v"], inputs=["f"], outputs=["q"], params={"bent": bent}, dt=0.1)
 
 
+@pytest.mark.slow
 def test_the_form_is_chosen_on_what_is_left_out():
     rng = np.random.default_rng(0)
     U = np.repeat(rng.normal(size=(4, 16, 1)), 5, axis=1)

@@ -199,6 +199,7 @@ RESIDUALS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", RESIDUALS)
 @pytest.mark.parametrize("form", ["dynamics", "input"])
 @pytest.mark.filterwarnings("ignore:.*nearly dependent")
@@ -221,6 +222,7 @@ def test_the_residual_predicts_the_term_that_is_used(name, form):
     assert hybrid.residual_.n_features_in_ == seen.shape[1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("last", [PenalizedRegressor(), BayesianRidge()])
 def test_two_terms_are_two_outputs_of_the_residual(last):
     X, y, groups = spring_runs(spring(0.3))
@@ -231,6 +233,7 @@ def test_two_terms_are_two_outputs_of_the_residual(last):
     np.testing.assert_allclose(hybrid.residual_.predict(np.concatenate([x, u]).T), added.T, rtol=1e-7, atol=1e-10)
 
 
+@pytest.mark.slow
 def test_a_term_without_a_constant_has_none():
     X, y, groups = spring_runs(spring(push=0.4))
     linear = [

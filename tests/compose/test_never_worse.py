@@ -169,6 +169,7 @@ def test_each_output_keeps_its_own_share():
     assert "output 0" in str(hybrid.report_) and "output 1" in str(hybrid.report_)
 
 
+@pytest.mark.slow
 def test_a_term_inside_the_plant_is_dropped_where_the_plant_is_right():
     X, y, groups = make_reactor_runs(4, 80, noise=0.05, random_state=0)
     hybrid = HybridRegressor(make_reactor(), KNeighborsRegressor(1), "dynamics").fit(X, y, groups=groups)
@@ -179,6 +180,7 @@ def test_a_term_inside_the_plant_is_dropped_where_the_plant_is_right():
     np.testing.assert_allclose(predicted, alone, rtol=1e-4)  # fixed steps, and steps with their error controlled
 
 
+@pytest.mark.slow
 def test_the_whole_correction_is_kept_where_it_closes_the_gap():
     X, y, groups = make_reactor_runs(6, 120, noise=0.02, random_state=0)
     hybrid = HybridRegressor(linear_reactor()).fit(X, y, groups=groups)
@@ -186,6 +188,7 @@ def test_the_whole_correction_is_kept_where_it_closes_the_gap():
     assert hybrid.report_.rmse < 0.1 * hybrid.report_.simulator_rmse
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("beyond", [0.0, 0.7])
 def test_the_graph_of_a_shrunk_hybrid_is_its_prediction(beyond):
     X, y, groups = make_reactor_runs(3, 80, noise=0.02, random_state=0)
@@ -201,6 +204,7 @@ def test_the_graph_of_a_shrunk_hybrid_is_its_prediction(beyond):
     np.testing.assert_allclose(found, predicted[5:], atol=1e-5)
 
 
+@pytest.mark.slow
 def test_a_plant_without_inputs_has_a_hybrid():
     def fall(t, x, u, p):
         return x[1], -9.81 - p["drag"] * x[1]
@@ -217,6 +221,7 @@ def test_a_plant_without_inputs_has_a_hybrid():
     )
 
 
+@pytest.mark.slow
 def test_the_gain_of_a_hybrid_that_never_fades_is_that_of_its_settled_runs():
     """Two ways to dy/du at a steady state: the linearised graph, and constant inputs held until the output rests."""
     X, y, groups = make_reactor_runs(6, 120, noise=0.02, random_state=0)

@@ -198,6 +198,7 @@ def small_net(seed=0):
     )
 
 
+@pytest.mark.slow
 def test_shooting_reaches_one_optimum_from_nearly_every_start_and_follows_fresh_runs():
     # nothing here was chosen: the data sets and starts are the numbers 0, 1, 2, ...
     for data_seed in range(2):

@@ -67,6 +67,7 @@ def test_a_correction_does_not_learn_initial_states():
     assert np.std(hybrid.predict(moving[0], y0=w[0][:5]) - w[0][:, 0]) < 0.2 * np.std(alone - w[0][:, 0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("speeds", [[2.0, -2.0, 3.0, -1.5]])
 def test_the_graph_begins_where_the_prediction_does(speeds):
     U, y = record(speeds, k=1.3, noise=0.01)

@@ -138,6 +138,7 @@ def test_runs_of_unequal_length_with_two_outputs_and_feedthrough():
     assert StateSpaceRegressor(1).fit(X, y, groups=groups).score(X, y, groups=groups) < 0.995
 
 
+@pytest.mark.slow
 def test_networks_learn_the_reactor_where_a_line_cannot():
     X, y, groups = make_reactor_runs(10, 120, random_state=0)
     X1, y1, groups1 = make_reactor_runs(10, 120, random_state=1)

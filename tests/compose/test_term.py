@@ -61,6 +61,7 @@ def test_runs_judged_at_once_are_those_judged_one_by_one():
             np.testing.assert_allclose(errors[k], alone[max(piece.judged - piece.start, 1) :], atol=1e-10)
 
 
+@pytest.mark.slow
 def test_with_one_run_the_form_with_the_most_physics_is_chosen_and_beats_the_surrogate():
     X, y, _ = make_reactor_runs(1, 150, noise=0.02, random_state=1)
     new_X, new_y, new = make_reactor_runs(6, 150, random_state=99)

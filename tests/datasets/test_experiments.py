@@ -37,6 +37,7 @@ def test_a_sobol_start_is_more_even_than_chance():
     assert kstest(data.x0[:, 0], "uniform", args=(0.5, 14.5)).statistic < 0.06  # chance: about 0.11
 
 
+@pytest.mark.slow
 def test_a_cut_call_goes_on_and_gives_the_same(tmp_path):
     kwargs = {"n_runs": 6, "n_samples": 30, "batch_size": 2, "random_state": 3, "cache": tmp_path}
     whole = simulate_experiments(make_reactor(), *RANGES, **kwargs)
@@ -54,6 +55,7 @@ def explode(t, x, u, p):
     return [x[0] ** 2 + u[0]]
 
 
+@pytest.mark.slow
 def test_runs_that_diverge_are_left_out_and_said_so():
     plant = ODESimulator(explode, states=["x"], inputs=["u"], outputs=["x"], params={}, dt=0.1)
     with pytest.warns(RuntimeWarning, match=r"runs diverged and were left out, the first is run \d") as told:

@@ -121,6 +121,7 @@ def test_single_precision_is_read_as_it_is(runs, lerobot_log):
     np.testing.assert_array_equal(log.y.to_numpy(), y[:, :2].astype(np.float32))
 
 
+@pytest.mark.slow
 def test_the_friction_of_the_arm_is_found_in_its_log(runs, mcap_log, messages):
     X, y, groups = runs
     rng = np.random.default_rng(1)

@@ -93,6 +93,7 @@ def record(rhs, seed=0, runs=3, n=160, outputs=("cold", "hot")):
 OTHERS = ["parameter_error", "linear_loss", "quadratic_loss", "exchange", "input_gain", "sensor_bias", "bilinear"]
 
 
+@pytest.mark.slow
 def test_a_heat_transfer_that_grows_with_the_flow_is_named():
     X, y, groups = record(turbulent)
     diagnoser = GapDiagnoser(
@@ -122,6 +123,7 @@ def test_it_may_depend_on_a_state_that_is_not_measured():
     ]
 
 
+@pytest.mark.slow
 def test_it_does_not_join_the_search_where_another_effect_explains_all(monkeypatch):
     from sksurrogate.gap.search._ode_search import OdeSearch
 
@@ -140,6 +142,7 @@ def test_it_does_not_join_the_search_where_another_effect_explains_all(monkeypat
     assert [e.name for e in diagnoser.fit(X, y, groups=groups).report_.effects] == ["linear_loss"]
 
 
+@pytest.mark.slow
 def test_a_small_gap_is_not_left_to_names_that_imitate_a_dependence():
     """A motor's resistance that grows with its temperature: a wrong resistance comes near to the noise, and leaves a little."""
 

@@ -40,6 +40,7 @@ def test_its_slope_is_one_that_steps_can_follow(shape):
     np.testing.assert_allclose(law.term(0.0, speed, (angle, 1e3 * np.ones(3)), theta, width), -FORCE * angle**2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", ["sign", "tanh"])
 def test_a_run_that_comes_to_rest_stays_there(shape):
     law = turning(shape, 1e-9)

@@ -104,6 +104,7 @@ def test_a_model_whose_equations_are_not_written_has_no_such_law():
     assert {effect.location for effect in places[1]} == {"drive"}  # the motor, whose input is its load
 
 
+@pytest.mark.slow
 def test_it_is_found_and_not_given_where_the_friction_is_constant():
     def real(t, x, u, p):
         own = 0.2 * np.abs(u[0]) if p["grows"] else 0.25

@@ -59,6 +59,7 @@ def simulated(effect, values, simulator=None):
     return AugmentedSimulator(simulator or plant(), [effect], [values]).simulate(U)[:, 0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
 def test_nothing_before_the_onset_and_from_the_start_the_effect_itself(name):
     effect, values = case(name)

@@ -113,6 +113,7 @@ def simulator(extra):
     )  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("extra", "name"),
     [

@@ -99,6 +99,7 @@ MANY = (
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("run", [_numpy, _casadi], ids=["numpy", "casadi"])
 @pytest.mark.parametrize("names", MANY)
 def test_several_effects_run_as_they_are_simulated(names, run):
@@ -131,6 +132,7 @@ def test_an_effect_with_an_onset_runs_as_it_is_simulated(name, simulator):
     np.testing.assert_allclose(found, expected, atol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("time", [1.0, 1.013])  # at a sample, within one
 @pytest.mark.parametrize(("name", "place"), [("step_disturbance", "v"), ("parameter_step", "k")])
 def test_a_step_in_time_is_simulated_in_fixed_steps_and_exported_as_it_is(name, place, time):

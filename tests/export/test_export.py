@@ -179,6 +179,7 @@ def test_a_map_without_a_sample_time_counts_steps():
     assert to_graph(Leak()).dt == to_graph(plain).dt == 1.0 and to_graph(leaky_plant()).dt == 0.02
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", ["output", "static", "series"])
 @pytest.mark.parametrize("given", [False, True])
 def test_a_hybrid_on_a_step_function_runs_freely_as_predict(form, given):
@@ -194,6 +195,7 @@ def test_a_hybrid_on_a_step_function_runs_freely_as_predict(form, given):
         np.testing.assert_allclose(free(step, state, U[begin:])[:, 0], expected[begin:], rtol=1e-9, atol=1e-11)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", ["output", "dynamics", "input"])
 def test_a_hybrid_on_a_right_hand_side_runs_freely_as_predict(form):
     X, y, groups = make_reactor_runs(4, 80, random_state=0)
@@ -204,6 +206,7 @@ def test_a_hybrid_on_a_right_hand_side_runs_freely_as_predict(form):
         np.testing.assert_allclose(free(step, hybrid.graph_state(U), U)[:, 0], expected, rtol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", ["output", "static", "series", "dynamics", "input"])
 def test_a_hybrid_whose_correction_fades_runs_freely_as_predict(form):
     X, y, groups = make_reactor_runs(4, 80, noise=0.01, u_range=(0.1, 0.2), random_state=0)
@@ -236,6 +239,7 @@ def test_a_right_hand_side_is_read_and_linearised_exactly():
     assert at.x1 == pytest.approx(at.x0)
 
 
+@pytest.mark.slow
 def test_a_hybrid_has_a_steady_state_and_A_B_C_D():
     control = pytest.importorskip("control")
     X, y, groups = make_reactor_runs(6, 100, random_state=0)

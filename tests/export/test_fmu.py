@@ -74,6 +74,7 @@ def test_the_unit_with_the_steps_of_simulate_equals_simulate(model, tmp_path):
     np.testing.assert_allclose(found, model.simulate(U, x0=[4.0]), rtol=0, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_the_unit_of_a_corrected_simulator_solves_its_equation(tmp_path):
     pytest.importorskip("pythonfmu.builder")
     model = corrected()

@@ -41,6 +41,7 @@ def dry(v):
     return 0.06 * np.tanh(v / 1e-3)
 
 
+@pytest.mark.slow
 def test_dry_friction_in_a_joint_is_named_at_its_torque():
     U, y, runs, _ = recorded(dry)
     names = ["coulomb_friction", "linear_loss", "quadratic_drag", "input_delay"]
@@ -51,6 +52,7 @@ def test_dry_friction_in_a_joint_is_named_at_its_torque():
     assert (report.where.kind, report.where.location) == ("input", "t2")
 
 
+@pytest.mark.slow
 def test_dry_friction_of_a_wheel_without_an_angle_is_named_at_its_torque():
     def wheel(t, x, u, p):
         return -u[0] / 4.0, u[0] / 0.05
@@ -81,6 +83,7 @@ def offered_rates(t, x, u, p, forces=None):
     return arm_rates(t, x, u if forces is None else (u[0], u[1] + forces[0]), p)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("port", ["t2", "elbow"])
 def test_a_missing_force_at_a_port_comes_as_an_effect(port):
     U, y, runs, X0 = recorded(dry)
@@ -115,6 +118,7 @@ def test_a_law_at_a_port_is_in_the_unit_of_the_port():
     assert parameter_unit(dry_one, "level", units) == "N m"
 
 
+@pytest.mark.slow
 def test_a_force_without_a_name_at_a_further_port_is_a_law_there():
     """A magnet at the elbow: no effect has its form, and it moves both joints through the mass matrix."""
 

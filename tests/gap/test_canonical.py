@@ -72,6 +72,7 @@ def named(name, order, unit):
     return (effect.name, effect.location), others
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "first"), [("tank", "constant_bias"), ("cart", "parameter_error"), ("heater", "quadratic_loss")]
 )

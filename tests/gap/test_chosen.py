@@ -142,6 +142,7 @@ def trajectories():
     return CallableSimulator(simulate, inputs=["flow"], outputs=["level"], dt=DT, x0=[1.0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("simulator", [tank(), trajectories()], ids=["equations", "trajectories"])
 def test_a_name_that_all_runs_show_is_chosen_by_all_folds(simulator):
     X, y, groups = recorded()

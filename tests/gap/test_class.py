@@ -31,6 +31,7 @@ def names(effect):
     return {(effect.name, effect.location, effect.variable), *effect.equivalents}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gain, seen", [(0.3, 1.0), (2.0, 0.15)])
 def test_the_gain_of_an_actuator_is_that_of_the_only_sensor_of_a_linear_plant(gain, seen):
     """Also a large one: what forces and initial states would do is distinguished, what the inputs do is not."""
@@ -49,6 +50,7 @@ def tank(exponent=1.0, coefficient=0.0):
     )  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 1, 4])
 def test_a_power_that_the_data_hardly_tell_from_other_laws_is_in_their_class(seed):
     rng = np.random.default_rng(seed)

@@ -37,6 +37,7 @@ def compared(a, b, **settings):
     return compare_simulators(a, b, random_state=0, **settings)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("extra", "name", "value"),
     [({"drag": 0.8}, "quadratic_drag", 0.8), ({"cubic": 300.0}, "cubic_stiffness", 300.0)],

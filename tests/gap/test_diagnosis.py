@@ -54,6 +54,7 @@ def diagnose(term, simulator=None, **kwargs):
     return GapDiagnoser(simulator or oscillator(), random_state=0, **kwargs).fit(X, y, groups=runs)
 
 
+@pytest.mark.slow
 def test_cubic_stiffness_is_named_with_its_coefficient():
     diagnoser = diagnose(lambda q, v, u: -8 * q**3)
     report = diagnoser.report_
@@ -95,6 +96,7 @@ def test_an_effect_outside_the_catalogue_is_unknown_and_placed():
     assert report.missing_term is not None and report.missing_term.curves
 
 
+@pytest.mark.slow
 def test_a_missing_law_of_the_input_alone_is_placed_at_the_input_and_one_of_a_state_in_its_balance():
     few = ["sensor_bias", "input_gain", "periodic_disturbance"]
     stuck = diagnose(lambda q, v, u: 0.0, actuator=lambda u: np.sign(u) * np.maximum(np.abs(u) - 0.8, 0), effects=few)
@@ -103,6 +105,7 @@ def test_a_missing_law_of_the_input_alone_is_placed_at_the_input_and_one_of_a_st
     assert (bent.report_.verdict, bent.report_.where.location) == ("unknown", "velocity")
 
 
+@pytest.mark.slow
 def test_richer_forms_that_predict_the_same_stay_in_the_class():
     report = diagnose(
         lambda q, v, u: -0.3 * np.tanh(100 * v), effects=["coulomb_friction", "stribeck_friction", "linear_loss"]
@@ -111,6 +114,7 @@ def test_richer_forms_that_predict_the_same_stay_in_the_class():
     assert ("stribeck_friction", "velocity", "velocity") in report.effects[0].equivalents
 
 
+@pytest.mark.slow
 def test_detuned_parameters_are_not_mistaken_for_an_effect():
     report = diagnose(lambda q, v, u: -8 * q**3, oscillator(k=9.5, c=0.57), free_params="all").report_
     assert [e.name for e in report.effects] == ["cubic_stiffness"]
@@ -118,6 +122,7 @@ def test_detuned_parameters_are_not_mistaken_for_an_effect():
     assert by_name["k"]["low"] < 9.0 < by_name["k"]["high"]
 
 
+@pytest.mark.slow
 def test_a_far_retuning_that_imitates_an_effect_does_not_hide_it():
     """A loss of a speed is the damping, exactly: whichever is named, the other is said, and both add up."""
     report = diagnose(lambda q, v, u: -0.5 * v, oscillator(k=9.4), free_params=["k", "c"]).report_
@@ -129,6 +134,7 @@ def test_a_far_retuning_that_imitates_an_effect_does_not_hide_it():
     assert moved["c"] + lost == pytest.approx(1.1, abs=0.02)
 
 
+@pytest.mark.slow
 def test_retuning_alone_is_reported_as_parameter_error():
     report = diagnose(lambda q, v, u: 0.0 * q, oscillator(k=9.9), free_params=["k"]).report_
     assert report.verdict == "explained"
@@ -137,6 +143,7 @@ def test_retuning_alone_is_reported_as_parameter_error():
     assert low < 9.0 / 9.9 - 1 < high
 
 
+@pytest.mark.slow
 def test_effects_that_the_retuning_would_hide_are_told():
     """A stiffness that is off is a force in the position, exactly; damping and a cubic spring are not."""
     report = diagnose(lambda q, v, u: -0.9 * q, free_params=["k"]).report_
@@ -147,6 +154,7 @@ def test_effects_that_the_retuning_would_hide_are_told():
     assert "hide" in report.effects[0].why
 
 
+@pytest.mark.slow
 def test_an_interrupt_keeps_what_is_known(monkeypatch):
     from sksurrogate.gap.decide import _equivalence
 
@@ -183,6 +191,7 @@ def test_bad_input_says_where_and_what_to_do():
         GapDiagnoser(wrong).fit(X, y, groups=runs)
 
 
+@pytest.mark.slow
 def test_a_simulation_that_blows_up_names_time_and_state():
     with pytest.raises(SimulationDiverged, match="state 'position'") as caught:
         oscillator(k=-2000.0).simulate(np.ones((900, 1)))
@@ -207,6 +216,7 @@ def test_a_branching_rhs_works_and_one_that_takes_single_points_alone_warns_once
     np.testing.assert_allclose(Y[:, 0], np.exp(-0.1 * np.arange(4)), rtol=1e-7)
 
 
+@pytest.mark.slow
 def test_the_report_is_the_same_for_a_seed():
     with warnings.catch_warnings():
         warnings.simplefilter("error")

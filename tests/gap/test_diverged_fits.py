@@ -57,6 +57,7 @@ def test_a_limited_rate_is_found_from_above(problem, factor):
     assert found.fit.cost < 0.02 * null.fit.cost
 
 
+@pytest.mark.slow
 def test_the_time_of_a_jump_stays_within_the_runs():
     case = draw("effect", 13087388302232808345)  # the rate of a reactor jumps at 6.67
     question, (truth,) = case.question, case.truths
@@ -74,6 +75,7 @@ def voltage(t, x, u, p):
     return (3.4 + 0.6 * x[0] + 0.12 * np.tanh(6.0 * (x[0] - 0.5)) - 0.03 * u[0] - x[1] - x[2],)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(8))
 def test_a_run_that_begins_behind_the_limit_of_its_sensor_is_judged_from_the_trajectory_of_another_candidate(seed):
     """A battery whose voltmeter stands at its limit at first: no reading shows where its three states began."""

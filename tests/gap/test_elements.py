@@ -48,6 +48,7 @@ def test_direction_and_flow_are_those_of_the_equations():
         np.testing.assert_allclose(both, expected, rtol=1e-5, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_a_spring_that_is_stiffer_in_compression_is_a_law_of_the_spring():
     """It moves two balances at once: no law of a single one explains it, and no effect has its form."""
     rng = np.random.default_rng(1)
@@ -81,6 +82,7 @@ def reactor(rate=None):
     return ODESimulator(rhs, states=["c", "T"], inputs=["heat"], outputs=["c", "T"], params={"k": 0.6}, dt=0.2)
 
 
+@pytest.mark.slow
 def test_a_parameter_that_depends_on_a_state_is_a_law_of_the_parameter(tmp_path):
     """It moves two balances; the rate over the temperature is found, certified, carried to other runs, saved and read."""
 

@@ -44,6 +44,7 @@ def leaking(t):
     return np.maximum(1.0 - 0.015 * t, 0.0) ** 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noise", [0.0, 0.002])
 def test_interpolated_readings_of_a_tank_that_leaks_by_a_root_law(monkeypatch, noise):
     """45 rows interpolated from 15 readings look as if they had no noise; the one free parameter belongs to a term that the
@@ -69,6 +70,7 @@ def test_interpolated_readings_of_a_tank_that_leaks_by_a_root_law(monkeypatch, n
     assert max(shortfalls(search), default=0.0) < 0.5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 def test_random_plants_with_a_parameter_far_off(monkeypatch, seed):
     rng = np.random.default_rng(seed)

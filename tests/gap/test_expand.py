@@ -96,6 +96,7 @@ def test_beside_one_at_the_noise_those_far_from_the_data_are_not_fitted(monkeypa
     assert asked == fitted
 
 
+@pytest.mark.slow
 def test_a_large_error_of_one_parameter_is_named_where_a_richer_form_reached_the_noise_first():
     """The rate is 60 for 100: the screen expects thirty times the noise from its error, and from its step in time as well."""
     X, y, runs = make_reactor_runs(3, 60, noise=0.02, random_state=0)
@@ -104,6 +105,7 @@ def test_a_large_error_of_one_parameter_is_named_where_a_richer_form_reached_the
     assert report.effects[0].params["relative_error"] == pytest.approx(2 / 3, rel=0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_a_form_that_is_not_plausible_keeps_no_other_out(seed):
     """A dry friction that is no larger at rest, measured by its position: Stribeck's curve is fitted first, and comes to the noise."""

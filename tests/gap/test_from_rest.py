@@ -42,6 +42,7 @@ def recorded(move, per_run, seed=1):
     return np.concatenate(U)[:, None], y + 0.005 * y.std() * rng.normal(size=len(y)), np.repeat(range(RUNS), N)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("move", "name", "value"), [(lagging, "input_lag", 0.3), (ramping, "rate_limit", 1.5)], ids=["lag", "ramp"]
 )
@@ -59,6 +60,7 @@ def test_an_actuator_that_starts_at_rest_is_named_and_not_the_sensor(move, name,
     np.testing.assert_array_equal(loaded.simulate(X[:N]), diagnoser.augmented_.simulate(X[:N]))
 
 
+@pytest.mark.slow
 def test_a_lag_of_the_sensor_stays_possible_where_both_say_the_same():
     X, y, groups = recorded(lagging, per_run=3)
     report = GapDiagnoser(SPRING, random_state=0, n_jobs=1).fit(X, y, groups=groups).report_
@@ -66,6 +68,7 @@ def test_a_lag_of_the_sensor_stays_possible_where_both_say_the_same():
     assert ("sensor_lag", "y", None) in report.effects[0].equivalents
 
 
+@pytest.mark.slow
 def test_trajectories_alone_show_it_too():
     plant = CallableSimulator(lambda U: SPRING.simulate(U), inputs=["u"], outputs=["y"], dt=DT)
     X, y, groups = recorded(ramping, per_run=3)
@@ -73,6 +76,7 @@ def test_trajectories_alone_show_it_too():
     assert [(e.name, e.before) for e in report.effects] == [("rate_limit", 0.0)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("runs", "before"), [(1, None), (2, 0.0)])
 def test_of_one_run_or_two_the_rest_tells_what_the_actuator_did_in_what_is_left_out(runs, before):
     """Few runs are cut into blocks that are left out: what the actuator remembers at their start came before them.

@@ -63,6 +63,7 @@ def test_the_column_of_a_start_twice_as_large_is_twice_the_column(name, variable
     np.testing.assert_allclose(columns[:, 1], 2.0 * columns[:, 0], rtol=1e-3, atol=1e-3 * np.max(np.abs(columns)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_bristles_that_hardly_give_way_are_told_beside_their_hysteresis(seed):
     """A weak friction: first starts of its levels were as large as the plant's own forces, and the fit ran away."""

@@ -1,6 +1,7 @@
 """A hard limit that holds a state for much of the time: no trajectory near leads to its free run, which is then made step by step."""
 
 import numpy as np
+import pytest
 
 from sksurrogate.effects import CATALOGUE
 from sksurrogate.gap import GapDiagnoser
@@ -36,6 +37,7 @@ def limited(u, substeps=8):
     return np.array(out)[:, None]
 
 
+@pytest.mark.slow
 def test_a_limit_that_holds_for_half_of_the_time_is_named():
     rng = np.random.default_rng(3)
     U = [np.repeat(rng.uniform(-0.3, 1.0, N // 30), 30)[:, None] for _ in range(RUNS)]

@@ -71,6 +71,7 @@ def test_runs_of_any_lengths_are_those_of_each_alone():
         np.testing.assert_array_equal(run[:, a : a + m], alone.T)
 
 
+@pytest.mark.slow
 def test_dry_friction_of_a_cart_that_hits_its_stops_is_named():
     simulator, real, U, rng = cart(), cart(**{"hinge.frictionloss": 0.01}), inputs(4), np.random.default_rng(2)
     Y = [real.simulate(u) + 1e-3 * rng.normal(size=(N, 2)) for u in U]

@@ -84,6 +84,7 @@ def test_a_form_without_a_kink_has_no_width(fitted):
     assert rounded(loss, price=0.0) is loss
 
 
+@pytest.mark.slow
 def test_it_is_carried_saved_and_said(tmp_path):
     U, Y = recorded(cart(lambda v: LEVEL * np.tanh(v / WIDTH)))
     groups = np.repeat(np.arange(RUNS), N)

@@ -61,6 +61,7 @@ def diagnosed(simulator, data, **settings):
 SIMULATORS = pytest.mark.parametrize("simulator", [plant(), Trajectories()], ids=["rhs", "simulate"])
 
 
+@pytest.mark.slow
 @SIMULATORS
 def test_a_value_at_its_bound_stays_there_and_is_said_so(simulator, data):
     report = diagnosed(simulator, data, bounds={"k": (0.5, 1.2)})
@@ -69,12 +70,14 @@ def test_a_value_at_its_bound_stays_there_and_is_said_so(simulator, data):
     assert any("Re-tuned to a bound: k = 1.2" in note for note in report.notes)
 
 
+@pytest.mark.slow
 @SIMULATORS
 def test_inside_its_bounds_a_value_is_where_the_data_want_it(simulator, data):
     row = diagnosed(simulator, data, bounds={"k": (0.5, None)}).retuned[0]
     assert not row["at_bound"] and row["value"] == pytest.approx(1.5, rel=0.02)
 
 
+@pytest.mark.slow
 @SIMULATORS
 def test_a_tight_prior_wins_and_a_wide_one_leaves_the_data_alone(simulator, data):
     tight = diagnosed(simulator, data, priors={"k": (1.3, 1e-5)}).retuned[0]["value"]
@@ -83,6 +86,7 @@ def test_a_tight_prior_wins_and_a_wide_one_leaves_the_data_alone(simulator, data
     assert wide["value"] == pytest.approx(1.5, rel=0.01) and wide["low"] < 1.5 < wide["high"]
 
 
+@pytest.mark.slow
 def test_a_parameter_that_is_known_is_not_named_as_wrong(data):
     settings = {"free_params": (), "effects": ["parameter_error"], "exclude": ["leak"]}
     loose = diagnosed(plant(), data, **settings)
@@ -166,6 +170,7 @@ def test_what_is_excluded_is_no_candidate(exclude, gone):
     assert {e.key for e in effects} - {e.key for e in kept} == gone
 
 
+@pytest.mark.slow
 @SIMULATORS
 def test_a_diagnosis_looks_only_at_what_is_not_excluded(simulator, data):
     report = diagnosed(simulator, data, free_params=(), effects=SMALL, exclude=["parameter_error", "level"])
@@ -213,6 +218,7 @@ def test_no_law_is_looked_for_where_no_effect_may_act():
     assert closed_places((), [("drift", "w")], CART) == closed_places((), ["drift"], CART) == set()
 
 
+@pytest.mark.slow
 def test_friction_that_acts_elsewhere_than_where_it_is_plausible_gets_no_name(data):
     U, _, runs = data
     true = ODESimulator(
@@ -235,6 +241,7 @@ def test_friction_that_acts_elsewhere_than_where_it_is_plausible_gets_no_name(da
     assert not any(row["name"] == "coulomb_friction" and row["location"] == "a" for row in wrong.ranking)
 
 
+@pytest.mark.slow
 def test_a_parameter_with_the_wrong_sign_is_named_and_said_to_be_one():
     def pendulum(k):
         def rhs(t, x, u, p):

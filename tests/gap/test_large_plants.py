@@ -82,6 +82,7 @@ def test_laws_stand_where_their_signals_are_near(small):
     assert not {("a", "c"), ("c", "a"), ("a", "a*c"), ("c", "c*a")} & places
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("place, signal", [("a", "b"), ("a", "c")])
 def test_an_effect_is_named_whether_its_signal_is_near_or_not(small, place, signal):
     U, Y = runs(CATALOGUE["cubic_stiffness"](place, signal), {"coefficient": 0.8})

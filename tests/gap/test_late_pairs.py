@@ -43,6 +43,7 @@ def recorded(seed):
     return X, y + 0.01 * y.std(axis=0) * rng.normal(size=y.shape), np.repeat(np.arange(RUNS), N)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 4])
 def test_two_names_in_place_of_those_that_imitate_them(seed):
     X, y, groups = recorded(seed)

@@ -64,6 +64,7 @@ def test_columns_tell_which_candidates_do_what_is_named():
     assert {("k", "x"), ("k", "y"), ("k", "u")} <= of_k  # they contain a wrong k
 
 
+@pytest.mark.slow
 def test_a_dependence_is_of_the_class_of_the_product_that_does_the_same():
     # - k (1 + c u + c2) x = - k x - k c u x, but for a c2 that these data hardly show
     report = reported([CATALOGUE["parameter_dependence"]("k", "u")], [{"slope": 0.3, "relative_error": 0.002}])
@@ -71,6 +72,7 @@ def test_a_dependence_is_of_the_class_of_the_product_that_does_the_same():
     assert keys(report.effects[0]) >= {("bilinear", "x", "u*x"), DEPENDENCE}
 
 
+@pytest.mark.slow
 def test_a_dependence_takes_the_place_of_two_names_beside_a_third():
     # - k (1 + c u + c2) x = - k x - k c u x - k c2 x: a product and a wrong parameter
     report = reported(

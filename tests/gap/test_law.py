@@ -65,6 +65,7 @@ def test_the_law_closes_the_gap_on_runs_left_out_and_is_a_part_of_the_budget(mon
     assert "augmented_ carries it" in report.sentence and str(report.missing_term.law) in report.sentence
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noise", [0.003, 0.03])
 def test_the_noise_floor_is_that_of_the_simulator_with_the_law(noise):
     """Of the simulator alone forces take a part of it, or it takes a part of the gap."""
@@ -117,6 +118,7 @@ def test_the_page_shows_the_law_with_its_numbers(monod):
     )
 
 
+@pytest.mark.slow
 def test_an_inverse_square_is_found_with_its_unit():
     law = diagnosed(lambda h: -0.4 / h**2).report_.missing_term.law
     assert [[factor[:2] for factor in term.factors] for term in law.to_effect().terms] == [[("inverse_square", "h")]]
@@ -139,6 +141,7 @@ def test_the_runs_are_shown_with_what_the_augmented_simulator_carries(monod):
     assert "h with the law" in report.to_frame("traces").columns
 
 
+@pytest.mark.slow
 def test_without_the_law_the_augmented_simulator_stays_as_it_was(monod):
     plain = diagnosed(lambda h: h / (0.6 + h), include_law=False)
     assert all(trace.law is None for trace in plain.report_.traces)
@@ -186,12 +189,14 @@ def test_a_law_acts_at_its_place_with_its_own_constants(kind, terms, theta, tmp_
     np.testing.assert_allclose(found, want, rtol=2e-3, atol=2e-3)
 
 
+@pytest.mark.slow
 def test_no_law_is_looked_for_where_effects_are_ruled_out():
     effects = ("sensor_delay", "input_delay")
     term = diagnosed(lambda h: h / (0.6 + h), effects, exclude=["h"]).report_.missing_term
     assert term is None or term.law is None or term.law.location == "flow"
 
 
+@pytest.mark.slow
 def test_a_name_stands_beside_a_law_of_another_place():
     """A delay of one of two channels, 0.15, and a ripple of the other, 0.15 sin(6 b): the delay makes up 57 % of the gap's power."""
 

@@ -68,6 +68,7 @@ def test_a_disturbance_is_no_curve_of_anything(seed):
     assert found.gain < 0.0 and found.probability < 0.1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(2))
 def test_a_law_beside_a_disturbance_of_its_size_is_found_in_its_variable(seed):
     problem, null = left_by_the_null(0.08, 0.05, seed)
@@ -118,6 +119,7 @@ def test_one_factor_serves_all_blocks():
         assert np.allclose(G, D.gram(np.concatenate([r, block], axis=1), null.noise)[0], rtol=1e-8, atol=1e-8)
 
 
+@pytest.mark.slow
 def test_a_law_of_measured_signals_that_only_tells_how_a_disturbance_goes_on_does_not_count():
     """A gas furnace, its noise of second order: along the measured path a law of the gas and of what it makes seems certain."""
 

@@ -133,6 +133,7 @@ def test_a_law_of_two_signals_is_told_in_its_balance():
     assert (found.location, found.kind, found.variable) == ("v", "state", "q*f")
 
 
+@pytest.mark.slow
 def test_what_all_runs_share_at_one_time_is_told_in_its_balance():
     problem, smoothed = problem_of(nothing, outputs=("q", "v"), force=0.2)
     found = law(fitted(problem, smoothed.x), smoothed.x)

@@ -90,6 +90,7 @@ def searched(simulator, X, y, groups, first=False, n_jobs=1):
     return kept[0]
 
 
+@pytest.mark.slow
 def test_no_third_name_where_two_close_the_gap_and_nothing_leads_to_the_noise():
     def wide(x):  # dry friction with a width, a hardening spring, and ripples that no law of the catalogue has
         return -0.5 * np.tanh(x[1] / 0.1) - 0.4 * x[0] ** 3 + 0.02 * np.sin(9 * x[0]) * np.cos(7 * x[1])
@@ -99,6 +100,7 @@ def test_no_third_name_where_two_close_the_gap_and_nothing_leads_to_the_noise():
     assert {effect.name for effect in search.final.effects} == {"coulomb_friction", "cubic_stiffness"}
 
 
+@pytest.mark.slow
 def test_a_small_second_effect_that_leads_to_the_noise_is_named_beside_a_large_one():
     def both(x):
         return -0.8 * x[0] ** 3 - 0.02 * x[1] * np.abs(x[1])

@@ -75,6 +75,7 @@ def test_the_column_is_the_change_of_the_free_run(responses, limit):
     assert np.linalg.norm(a - b) < 0.1 * np.linalg.norm(b)
 
 
+@pytest.mark.slow
 def test_a_hidden_limit_beside_a_loss_is_named():
     U, Y = data(loss=0.15, seed=1)
     report = GapDiagnoser(plant(), random_state=0).fit(*stack_runs(U, Y)).report_

@@ -73,6 +73,7 @@ def test_a_smoother_does_not_leave_the_data_over_a_pole():
     assert np.isfinite(found.A).all()
 
 
+@pytest.mark.slow
 def test_a_place_that_cannot_be_followed_is_lost_with_a_note(data, monkeypatch):
     def broken(null, location, kind):
         raise np.linalg.LinAlgError("the posterior precision is not positive definite")
@@ -83,6 +84,7 @@ def test_a_place_that_cannot_be_followed_is_lost_with_a_note(data, monkeypatch):
     assert any(note.startswith("No missing term could be looked for at") for note in report.notes)
 
 
+@pytest.mark.slow
 def test_a_stage_that_breaks_is_left_out_with_a_note(data, monkeypatch):
     def broken(self):
         raise np.linalg.LinAlgError("the matrix is singular")

@@ -199,6 +199,7 @@ def test_curves_of_one_signal_at_one_place(one, other, alike):
     assert of_one_curve(first, second) == of_one_curve(second, first) == alike
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("access", ["rhs", "simulate"])
 def test_a_curve_that_bends_otherwise_has_one_name(access):
     """A valve of another form than the catalogue's: a gain beside its curve would only correct the form."""

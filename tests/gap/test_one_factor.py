@@ -78,6 +78,7 @@ def test_drifts_that_act_otherwise_are_two():
     assert not is_same_factor(fitted(tank(), drift("UA")), fitted(tank(), drift("k")), 0, 0.1)
 
 
+@pytest.mark.slow
 def test_a_curved_factor_is_one_name():
     """A factor that falls and settles, as fouling does: two drifts of a quotient would follow it to the noise."""
     U, y, groups = recorded(lambda t: 1.0 / (1.0 + 0.2 * (1.0 - np.exp(-t / 90.0))))

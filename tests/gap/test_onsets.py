@@ -63,6 +63,7 @@ def test_an_effect_that_begins_is_named_with_its_onset(name, place, values):
     assert first["named"] and first["name"] == name
 
 
+@pytest.mark.slow
 def test_an_effect_that_is_always_there_has_no_onset():
     report = diagnosed(CATALOGUE["coulomb_friction"]("v", "v"), {"level": 0.5})
     assert [(effect.name, list(effect.params)) for effect in report.effects] == [("coulomb_friction", ["level"])]
@@ -165,6 +166,7 @@ def spindle(t, x, u, p):
     return [(0.9 * x[1] - p["b"] * x[0]) / 0.09, (u[0] - 1.4 * x[1] - 0.9 * x[0]) / 0.03]
 
 
+@pytest.mark.slow
 def test_what_begins_is_found_beside_a_free_parameter():
     """A re-tuning to the whole record spreads over it what begins within: from the parameters as they are given it is seen where it is."""
     nominal = ODESimulator(spindle, states=["w", "i"], inputs=["u"], outputs=["w", "i"], params={"b": 0.05}, dt=0.02)

@@ -98,6 +98,7 @@ class Stepper:
         return np.array(out)
 
 
+@pytest.mark.slow
 def test_a_simulator_with_its_own_step_is_asked_for_no_longer_sample():
     simulator, y = Stepper(), np.random.default_rng(3).normal(size=(320, 1))
     runs = [[v[k == RUNS] for k in (0, 1)] for v in (U, y)]
@@ -110,6 +111,7 @@ def test_a_simulator_with_its_own_step_is_asked_for_no_longer_sample():
     assert "1000 times shorter" in other_unit(PlantModel(describe(Stepper(100.0))), record)
 
 
+@pytest.mark.slow
 def test_a_diagnosis_says_so_in_a_note_or_in_the_error():
     with pytest.raises(SimulatorError, match=r"1000 times shorter .* Write dt=0\.1\."):
         GapDiagnoser(plant(100.0), effects=["input_gain"], n_jobs=1).fit(U, measured(), groups=RUNS)
@@ -167,6 +169,7 @@ def test_readings_in_the_right_unit_are_not_doubted():
     assert looked_at(U, Y) == looked_at(U, [0.7 * y for y in Y]) == looked_at(U, [-y for y in Y]) == ""
 
 
+@pytest.mark.slow
 def test_a_diagnosis_of_degrees_says_so():
     U, Y = swinging()
     simulator = ODESimulator(pendulums, **NAMES, params={}, dt=0.05)

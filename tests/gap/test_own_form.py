@@ -71,6 +71,7 @@ def test_at_two_scales_of_the_prior_of_corrections_both_are_as_likely():
     assert form_holds(LEAK, LawLeft("room", "state", "room", size=0.2, spread=0.02), 0.1) == pytest.approx(0.5)
 
 
+@pytest.mark.slow
 def test_a_loss_that_sets_in_is_a_law_and_no_stop_with_a_correction():
     """An end stop closes 87 % of it, and a law of the same temperature the rest: together they are the law alone."""
     U, y, groups = recorded(lambda x: 0.25 * (1.0 + np.tanh((x - 20.0) / 3.0)))

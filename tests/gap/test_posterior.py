@@ -93,6 +93,7 @@ def nearly():
     return ODESimulator(_tank, params={"k": 1.0}, x0=[1.0], **names), X, y, runs
 
 
+@pytest.mark.slow
 def test_a_name_of_nearly_the_right_form_stands_alone_and_closes_the_gap(nearly):
     simulator, X, y, runs = nearly
     diagnoser = GapDiagnoser(simulator, random_state=0, n_jobs=1).fit(X, y, groups=runs)
@@ -131,6 +132,7 @@ def test_members_of_a_class_count_for_its_probability():
     assert [one.keys for one in found.as_likely] == [("bias", "drift"), ("loss", "gain")]
 
 
+@pytest.mark.slow
 def test_an_exact_name_does_not_fall_to_another_form_far_from_the_data_with_a_law():
     """Drag to the power 1.85: about the measured path, a law beside a cubic spring makes up for what no simulation reaches."""
 

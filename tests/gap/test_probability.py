@@ -88,6 +88,7 @@ def test_a_name_in_an_inexact_form_is_compared_with_two_others_each_beside_its_l
     assert named.probability > 0.9
 
 
+@pytest.mark.slow
 def test_of_two_exact_effects_of_one_signal_a_curve_of_it_takes_none():
     """Dry friction and drag of a pendulum: a curve of the speed in the place of the drag is the drag."""
 

@@ -45,6 +45,7 @@ def spiky():
     return diagnosed(make_case("cart", "spikes", True)).report_
 
 
+@pytest.mark.slow
 def test_a_clean_record_has_no_faults():
     report = diagnosed(make_case("cart", "nothing", True)).report_
     assert len(report.data) == 0 and not report.data and report.data.sentence == ""
@@ -92,6 +93,7 @@ def test_the_pages_tell_the_record(spiky):
 
 
 # ---- faults of runs --------------------------------------------------------------------------------------------------
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["offset", "gain", "shift", "hum"])
 def test_a_fault_of_runs_is_no_effect(kind):
     report = diagnosed(make_case("cart", kind, False)).report_
@@ -118,6 +120,7 @@ def test_a_scale_of_two_runs_is_listed_with_these_alone():
     assert "gain error of 15" in report.sentence and "in runs 1, 3" in report.sentence
 
 
+@pytest.mark.slow
 def test_offsets_and_friction_are_both_found():
     report = diagnosed(make_case("cart", "offset", True)).report_
     assert report.data.kinds == ("offset",)
@@ -210,6 +213,7 @@ def test_outliers_that_names_only_bend_are_found_beside_the_simulator_alone(shar
     assert (odd is not None) is found and (odd is None or odd.rows.tolist() == [200, 201])
 
 
+@pytest.mark.slow
 def test_dropouts_that_follow_each_other_closely_are_found_beside_a_name():
     report = diagnosed(make_case("tanks", "dropouts", False), "hidden_mode").report_
     rows = {row for fault in report.data for row in fault.rows}
@@ -229,6 +233,7 @@ def test_a_sensor_that_stands_still_is_not_excused_by_a_small_move_of_the_simula
     assert wrong_readings(still, lambda: held) == []
 
 
+@pytest.mark.slow
 def test_a_late_run_of_a_slow_plant_is_late_by_the_right_samples():
     # Initial states that are fitted to late outputs bend the first readings of a slow plant.
     report = diagnosed(make_case("oven", "shift", False)).report_
@@ -236,6 +241,7 @@ def test_a_late_run_of_a_slow_plant_is_late_by_the_right_samples():
     assert dict(report.data[0].values) == {1: 5.0}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("plant", "effect"), [("cart", True), ("oven", False)])
 def test_inputs_written_one_row_late_are_no_effect(plant, effect):
     # Actuators cannot be early: a hidden mode with far parameters came to the noise instead.

@@ -52,6 +52,7 @@ def test_fits_on_a_source_are_those_on_the_matrix(make, weights):
         assert from_rows.n_features_in_ == 4
 
 
+@pytest.mark.slow
 def test_what_wants_all_rows_gets_them():
     tables = [(rng.normal(size=(21_000, 2)), rng.normal(size=(21_000, 1)))]
     rows, matrix = LagRows(tables, TERMS, 3), whole(tables)
@@ -101,6 +102,7 @@ print((resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024)
 """
 
 
+@pytest.mark.slow
 def test_memory_is_that_of_a_block():
     out = subprocess.run([sys.executable, "-c", SCRIPT], capture_output=True, text=True, check=True)
     assert float(out.stdout) < 40.0  # MiB; the lag matrix alone has 96

@@ -127,6 +127,7 @@ def test_whatever_changes_signals_and_keeps_their_names_is_refused(step):
             model.equations()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "model", [PoissonRegressor(), PLSRegression(1), make_pipeline(S(), PoissonRegressor())], ids=str
 )

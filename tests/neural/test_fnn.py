@@ -67,6 +67,7 @@ def test_bishops_functions_are_met(name):
     assert np.median(errors) <= bar
 
 
+@pytest.mark.slow
 def test_least_squares_needs_no_torch():
     code = (
         "import sys, numpy as np; from sksurrogate.neural import FNNRegressor; X = np.eye(9)[:, :2];"
@@ -322,6 +323,7 @@ def test_an_output_layer_may_be_bounded():
     assert np.all((model.predict(100 * x) >= 0) & (model.predict(100 * x) <= 1))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("solver", ["lm", "lbfgs", "adam"])
 def test_early_stopping_keeps_the_best_on_rows_set_aside(solver):
     rng = np.random.default_rng(7)
@@ -470,6 +472,7 @@ def test_closeness_pulls_towards_a_prespecified_solution():
         np.testing.assert_allclose(model.predict(X), expected, atol=1e-7)
 
 
+@pytest.mark.slow
 def test_weights_of_rows_count_in_mini_batches():
     rng = np.random.default_rng(12)
     X = rng.normal(size=(400, 1))

@@ -33,6 +33,7 @@ def planted(n_runs=12, n=80, seed=0):
     return U.reshape(-1, 1), y.ravel(), np.repeat(np.arange(n_runs), n)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cell", ["gru", "lstm"])
 def test_a_planted_lag_is_learned_and_run_freely(cell):
     X, y, groups = planted()

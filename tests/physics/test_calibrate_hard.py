@@ -28,6 +28,7 @@ def _record(seed=0, n=300, noise=0.02):
     return U, y + noise * rng.normal(size=n)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bounds", [{"k": (1.5, None)}, {"g": (1.3, 2.0)}])
 def test_at_a_bound_the_others_are_at_their_optimum(bounds):
     U, y = _record(n=150)
@@ -86,6 +87,7 @@ def test_a_stiff_plant_is_calibrated():
     assert found.intervals_["k1"][0] < 0.04 < found.intervals_["k1"][1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("memory", "least"), [(0.0, 0.82), (0.8, 0.8)])  # 0.47 with the memory neglected
 def test_intervals_hold_under_noise_with_and_without_memory(memory, least):
     held = []

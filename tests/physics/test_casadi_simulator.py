@@ -40,6 +40,7 @@ def _simulator(function, **options):
     return CasadiSimulator(function, **{**NAMES, "outputs": ["q"], **options})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "function",
     [

@@ -141,6 +141,7 @@ def test_parameters_of_a_unit_are_calibrated(swing_unit):
         assert found.params_["c"] == pytest.approx(0.7, abs=1e-5)
 
 
+@pytest.mark.slow
 def test_a_diagnosis_of_a_unit_names_what_a_diagnosis_of_its_equations_names(swing_unit):
     plant, random = _equations(), np.random.default_rng(6)
     drag = AugmentedSimulator(plant, [CATALOGUE["quadratic_drag"]("rate", "rate")], [{"coefficient": 0.3}])

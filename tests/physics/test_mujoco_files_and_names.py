@@ -75,6 +75,7 @@ def test_a_mesh_belongs_to_the_model(tmp_path):
     assert simulator.params["b.mass"] == pytest.approx(1000 * 0.2**3 / 6)
 
 
+@pytest.mark.slow
 def test_a_model_in_memory_is_known_by_itself_and_not_by_its_place_in_memory():
     simulator = MuJoCoSimulator(mujoco.MjModel.from_xml_string(text()), inputs=[])
     for damping in np.linspace(0.2, 5.0, 20):

@@ -53,6 +53,7 @@ def search():
     )
 
 
+@pytest.mark.slow
 def test_a_search_on_the_cluster(client):
     X, y, groups = make_reactor_runs(6, 80, y0_range=(4.0, 6.0), u_range=(0.1, 0.16), noise=0.02, random_state=0)
     with sklearn.config_context(enable_metadata_routing=True):
@@ -62,6 +63,7 @@ def test_a_search_on_the_cluster(client):
     np.testing.assert_allclose(there.cv_results_["mean_test_score"], here.cv_results_["mean_test_score"], rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_diagnosis_on_the_cluster(client, monkeypatch):
     X, y, groups = make_reactor_runs(4, 80, noise=0.02, random_state=0)
     names = ["parameter_error", "sensor_bias", "input_bias", "input_lag"]
@@ -79,6 +81,7 @@ def test_a_diagnosis_on_the_cluster(client, monkeypatch):
     assert workers and set(workers) == {2}
 
 
+@pytest.mark.slow
 def test_a_blind_check_on_the_cluster(client, tmp_path, monkeypatch):
     """The same cases, the same scores; rows are stored as they come."""
     (tmp_path / "answer.py").write_text(
@@ -99,6 +102,7 @@ def test_a_blind_check_on_the_cluster(client, tmp_path, monkeypatch):
     assert len((tmp_path / "rows.jsonl").read_text().splitlines()) == 2
 
 
+@pytest.mark.slow
 def test_a_diagnosis_in_two_processes():
     X, y, groups = make_reactor_runs(4, 80, noise=0.02, random_state=0)
     names = ["parameter_error", "sensor_bias", "input_bias", "input_lag"]

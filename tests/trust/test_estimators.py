@@ -218,6 +218,7 @@ def test_skops_needs_to_trust_this_package_alone(name, reference):
     np.testing.assert_array_equal(answer(skops.loads(stored, trusted=types)), reference[name])
 
 
+@pytest.mark.slow
 def test_worker_processes(reference):
     """All estimators fitted in two processes; arrays arrive there as read-only memory maps."""
     names = sorted(CLASSES)

@@ -119,6 +119,7 @@ def test_candidates_that_the_simulator_fails_for_are_lost_and_the_right_one_is_n
         assert not any("was left out: " in note for note in report.notes)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("make", SIMULATORS)
 def test_a_mistake_in_the_simulator_stands_in_the_sentence_for_the_right_effect_may_be_lost(make):
     report = diagnosed(make, Fault("has a mistake"))
@@ -169,6 +170,7 @@ def test_parameters_are_calibrated_where_some_values_fail(make, kind):
     assert fitted.params_["c"] == pytest.approx(0.9, rel=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("make", [right_hand_side, step_function])
 def test_the_structure_of_a_plant_is_read_at_recorded_inputs(make):
     seen = []

@@ -112,6 +112,7 @@ def wait_for(condition, process):
         time.sleep(0.02)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="needs SIGKILL")
 def test_a_killed_search_goes_on(tmp_path):
     (tmp_path / "search.py").write_text(KILLED_SEARCH)

@@ -168,6 +168,7 @@ def test_text(name):
 
 
 # 10. a free run that leaves the numbers
+@pytest.mark.slow
 def test_simulator_that_blows_up():
     simulator = ODESimulator(
         lambda t, x, u, p: [x[0] ** 2], states=["x"], inputs=["u"], outputs=["x"], params={}, dt=0.1, x0=[5.0]

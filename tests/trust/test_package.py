@@ -29,6 +29,7 @@ def test_the_command_line_starts_without_scikit_learn():
     assert not loaded("import sksurrogate.cli") & {"sklearn", *HEAVY}
 
 
+@pytest.mark.slow
 def test_a_diagnosis_loads_no_heavy_package():
     code = """
 from sksurrogate.datasets import make_reactor, make_reactor_runs
@@ -40,6 +41,7 @@ text, page = str(report), report.to_html()
     assert not loaded(code) & HEAVY
 
 
+@pytest.mark.slow
 def test_faces_that_are_not_networks_load_no_torch():
     lines = "\n".join(
         f"import sksurrogate.{face}"
@@ -48,6 +50,7 @@ def test_faces_that_are_not_networks_load_no_torch():
     assert not loaded(lines) & {"torch", "skorch", "matplotlib"}
 
 
+@pytest.mark.slow
 def test_what_is_added_to_scikit_learn_is_small():
     """At most a fifth more modules than a common scikit-learn program has."""
     common = loaded(
