@@ -156,8 +156,15 @@ class SetSearch(SetMoves[C]):
         self.runners = unlike(gaining(trial, best), [top], RUNNERS)
         if not self.passes(top, best, passed):
             return None
-        top = simplify(self, self.swap(top))
+        tops = [simplify(self, self.swap(one)) for one in (top, *self.near_beside_far(trial, top))]
+        top = max(tops, key=self.order(tops))
         return self.needed(top, best) if self.passes(top, best, passed) else None
+
+    def near_beside_far(self, trial: Sequence[C], top: C) -> list[C]:
+        """The nearest set, where it comes near the data and the likeliest does not: under the forces that a far one needs, likelihoods
+        do not tell which of them leads on."""
+        nearest = min(trial, key=lambda candidate: candidate.fit.cost)
+        return [self.polish(nearest)] if self.is_far(top) and not self.is_far(nearest) else []
 
     def larger_sets(self, best: C, passed: bool) -> list[C]:
         """The set with one effect more, where that is not near the noise with two, and other sets of its size with as many more.
