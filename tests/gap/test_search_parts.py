@@ -7,8 +7,11 @@ import pytest
 
 from sksurrogate.effects import CATALOGUE
 from sksurrogate.gap.decide import _choice_by_fold
+from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.search import _fit_from_starts
+from sksurrogate.gap.search._ode_search import OdeSearch
 from sksurrogate.gap.search._set_moves import acts
+from sksurrogate.gap.search._set_search import SetSearch
 from sksurrogate.gap.search._trajectory_search import TrajectorySearch, _fit
 from sksurrogate.kernels.record import Record
 
@@ -64,3 +67,28 @@ def test_the_slope_of_a_linear_effect_is_what_its_start_changes_over_its_size():
     ((theta, slopes),) = given
     assert theta.tolist() == [0.25]
     np.testing.assert_array_equal(slopes, 4.0 * change[None])
+
+
+def of_cost(cost):
+    """A candidate of which only the cost is known."""
+    return SimpleNamespace(fit=SimpleNamespace(cost=cost))
+
+
+@pytest.mark.parametrize(("top", "nearest", "both"), [(9e4, 4e3, True), (9e4, 8e4, False), (4e3, 3e3, False)])
+def test_a_set_near_the_data_is_chosen_again_beside_a_likelier_one_that_is_far(top, nearest, both):
+    search = SimpleNamespace(is_far=lambda one: one.fit.cost > 1e4, polish=lambda one: one)
+    trial = [of_cost(top), of_cost(nearest), of_cost(2e5)]
+    assert SetSearch.near_beside_far(search, trial, trial[0]) == ([trial[1]] if both else [])
+
+
+def test_a_quick_look_under_the_noise_of_others_takes_nothing_from_a_candidate():
+    class Candidate(SimpleNamespace):
+        __hash__ = object.__hash__
+
+    one, search = Candidate(), OdeSearch(None, [], np.zeros((1, 2)))
+    search.judge(Evidence(one, "own", 40.0))
+    for noise, value, kept in [("rough", 30.0, "own"), ("better", 45.0, "better"), ("rough", 30.0, "better")]:
+        assert search.judge(Evidence(one, noise, value, quick=True)).noise == kept
+        assert search.noise_of(one) == kept and search.judged[one].log_likelihood == max(
+            40.0, value, 45.0 * (kept == "better")
+        )
