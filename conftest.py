@@ -1,10 +1,12 @@
 """For all tests: no window, one thread a process, no time limit on hypothesis' examples, the same random numbers in every run.
 
-``pytest --slow`` runs every test; without it only one in :data:`ONE_IN` of those marked ``slow``, always the same ones.
+``pytest --slow`` runs every test, and so does ``pytest`` with paths; a plain ``pytest`` only one in :data:`ONE_IN` of those
+marked ``slow``, always the same ones.
 """
 
 import os
 import sys
+from pathlib import Path
 from zlib import crc32
 
 import numpy as np
@@ -27,7 +29,7 @@ def pytest_addoption(parser):
 
 
 def pytest_collection_modifyitems(config, items):
-    if config.getoption("--slow") or any("::" in arg for arg in config.args):  # asked for, or asked for by name
+    if config.getoption("--slow") or {Path(arg).name for arg in config.args} != set(config.getini("testpaths")):
         return
     left = [item for item in items if item.get_closest_marker("slow") and crc32(item.nodeid.encode()) % ONE_IN]
     config.hook.pytest_deselected(items=left)

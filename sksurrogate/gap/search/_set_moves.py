@@ -137,25 +137,28 @@ class SetMoves(BaseSearch[C]):
         return base
 
     def swap(self, candidate: C) -> C:
-        """Leave each effect out in turn and choose it again with the others kept; twice at most."""
-        for _ in range(1 if self.is_far(candidate) or self.frugal else 2):
-            start = candidate
-            for i in range(len(start.effects)):
-                base = self.without(candidate, i)
-                if base is None:
-                    continue
-                counts = (6, 3) if self.judged[candidate].left < AT_THE_NOISE or len(start.effects) > 2 else (12, 6)
-                trial = self.ranked(self.expand(base, Wanted(*counts)), base)
-                if not trial:
-                    continue
-                worth = self.order([trial[0], candidate])
-                nearer = worth(trial[0]) > worth(candidate) + 1.0
-                if nearer or self.leads_its_place(trial, candidate):
-                    swapped = self.polish(trial[0]) if nearer else self.best_polished(trial)
-                    better = worth(swapped) > worth(candidate) and self.plausible(swapped)
-                    candidate = swapped if better else candidate
-            if candidate is start:
-                break
+        """Every effect chosen again with the others kept; once more where that changed a set and it is near the data."""
+        swapped = self.swapped_once(candidate)
+        done = swapped is candidate or self.is_far(swapped) or self.frugal
+        return swapped if done else self.swapped_once(swapped)
+
+    def swapped_once(self, candidate: C) -> C:
+        """Leave each effect out in turn and choose it again with the others kept."""
+        few = len(candidate.effects) > 2
+        for key in candidate.keys:
+            base = self.without(candidate, candidate.keys.index(key))
+            if base is None:
+                continue
+            counts = (6, 3) if few or self.judged[candidate].left < AT_THE_NOISE else (12, 6)
+            trial = self.ranked(self.expand(base, Wanted(*counts)), base)
+            if not trial:
+                continue
+            worth = self.order([trial[0], candidate])
+            nearer = worth(trial[0]) > worth(candidate) + 1.0
+            if nearer or self.leads_its_place(trial, candidate):
+                swapped = self.polish(trial[0]) if nearer else self.best_polished(trial)
+                better = worth(swapped) > worth(candidate) and self.plausible(swapped)
+                candidate = swapped if better else candidate
         return candidate
 
     def leads_its_place(self, trial: Sequence[C], candidate: C) -> bool:
