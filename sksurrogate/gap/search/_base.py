@@ -265,6 +265,11 @@ class BaseSearch(ABC, Generic[C]):
         """By size where all are far from the data, by likelihood where one comes near."""
         return self.size_score if all(self.is_far(candidate) for candidate in candidates) else self.score
 
+    def leads(self, one: C, other: C) -> bool:
+        """Whether a set is better than another by more than a nat."""
+        worth = self.order([one, other])
+        return worth(one) > worth(other) + 1.0
+
     def is_far(self, candidate: C) -> bool:
         """Whether a candidate is so far from the data that sizes, not likelihoods, tell candidates apart."""
         return candidate.fit.cost > FAR_BY_COST * self.noise_cost

@@ -34,7 +34,7 @@ def met_twins(search: Expander, found: Evidence[OdeCandidate]) -> Evidence[OdeCa
         likelier = [twin for twin in alike if twin.places == (i,) and _may_be_likelier(search, named, twin)]
         for twin in likelier[:MOST_MET]:
             one = with_twin(search, named, twin)
-            if one is not None and found.left > SETTLED and _leads(search, _judged(search, one, found), named):
+            if one is not None and found.left > SETTLED and search.leads(_judged(search, one, found), named):
                 return _stand_instead(search, one)
     return found
 
@@ -93,9 +93,3 @@ def _may_be_likelier(search: Expander, named: OdeCandidate, twin: Twin) -> bool:
     known = search.fitted.get(frozenset({twin.effect.key, *rest}))
     least = np.inf if known is None else known.fit.cost
     return twin.left < min(named.fit.cost + EQUAL, least - EQUAL)
-
-
-def _leads(search: Expander, one: OdeCandidate, named: OdeCandidate) -> bool:
-    """Whether a set is better than another."""
-    worth = search.order([one, named])
-    return worth(one) > worth(named) + 1.0

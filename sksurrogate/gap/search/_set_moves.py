@@ -153,10 +153,10 @@ class SetMoves(BaseSearch[C]):
             trial = self.ranked(self.expand(base, Wanted(*counts)), base)
             if not trial:
                 continue
-            worth = self.order([trial[0], candidate])
-            nearer = worth(trial[0]) > worth(candidate) + 1.0
+            nearer = self.leads(trial[0], candidate)
             if nearer or self.leads_its_place(trial, candidate):
                 swapped = self.polish(trial[0]) if nearer else self.best_polished(trial)
+                worth = self.order([trial[0], candidate])
                 better = worth(swapped) > worth(candidate) and self.plausible(swapped)
                 candidate = swapped if better else candidate
         return candidate
