@@ -31,9 +31,9 @@ def pytest_addoption(parser):
 def pytest_collection_modifyitems(config, items):
     if config.getoption("--slow") or {Path(arg).name for arg in config.args} != set(config.getini("testpaths")):
         return
-    left = [item for item in items if item.get_closest_marker("slow") and crc32(item.nodeid.encode()) % ONE_IN]
-    config.hook.pytest_deselected(items=left)
-    items[:] = [item for item in items if item not in set(left)]
+    left = {item for item in items if item.get_closest_marker("slow") and crc32(item.nodeid.encode()) % ONE_IN}
+    config.hook.pytest_deselected(items=list(left))
+    items[:] = [item for item in items if item not in left]
 
 
 @pytest.fixture(autouse=True)

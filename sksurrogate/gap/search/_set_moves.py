@@ -144,12 +144,12 @@ class SetMoves(BaseSearch[C]):
 
     def swapped_once(self, candidate: C) -> C:
         """Leave each effect out in turn and choose it again with the others kept."""
-        few = len(candidate.effects) > 2
+        several = len(candidate.effects) > 2
         for key in candidate.keys:
             base = self.without(candidate, candidate.keys.index(key))
             if base is None:
                 continue
-            counts = (6, 3) if few or self.judged[candidate].left < AT_THE_NOISE else (12, 6)
+            counts = (6, 3) if several or self.judged[candidate].left < AT_THE_NOISE else (12, 6)
             trial = self.ranked(self.expand(base, Wanted(*counts)), base)
             if not trial:
                 continue
