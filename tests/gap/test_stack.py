@@ -160,3 +160,30 @@ def test_a_set_grows_on_from_the_form_that_leads_to_the_noise(leads, grown):
     _set_search.SetSearch.grow(search, rich, True, None)
     assert stood == [grown or "simple"]
     assert asked == ([grown] if grown else [])
+
+
+@pytest.mark.parametrize(("names", "goes_on"), [(2, True), (3, False)])
+def test_a_search_gives_up_where_a_further_name_takes_little_not_where_a_richer_form_does(names, goes_on, monkeypatch):
+    """A richer form in the place of one name leaves 0.77 of what the set left: no name was added, so none was added in vain.
+
+    A reactor whose state saturates, with a rate that depends on its temperature: the search stopped at two wrong names.
+    """
+
+    class Found:
+        def __init__(self, cost, names):
+            self.keys, self.effects, self.fit = (cost,), tuple(range(names)), SimpleNamespace(cost=cost)
+
+    before, larger = Found(53.2, 2), Found(40.9, names)
+    asked = []
+    search = SimpleNamespace(
+        is_far=lambda one: True,
+        judged={before: None, larger: None},
+        may_be_named=lambda one: True,
+        richer_form=lambda one: None,
+        stand=lambda one: one,
+        tolerated_cost=10.0,
+        one_more=lambda one, passed: asked.append(one) or (larger if one is before else None),
+    )
+    monkeypatch.setattr(_set_search, "closes_by_size", lambda *given: False)
+    _set_search.SetSearch.grow(search, before, True, Found(367.6, 0))
+    assert asked == ([before, larger] if goes_on else [before])

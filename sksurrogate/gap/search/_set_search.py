@@ -98,7 +98,10 @@ class SetSearch(SetMoves[C]):
             # One set may beat another by likelihood and lose to it by size: a ring, unless it comes back nearer to the data.
             if better is None or better.fit.cost > COMES_BACK * left_behind.get(frozenset(better.keys), np.inf):
                 break
-            given_up = passed and self.is_far(better) and grows_in_vain(better, best, null)
+            grown = passed and len(better.effects) > len(
+                best.effects
+            )  # a richer form in the place of one is no name more
+            given_up = grown and self.is_far(better) and grows_in_vain(better, best, null)
             best, passed = self.stand(better), True
             if given_up:
                 break
