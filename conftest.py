@@ -21,7 +21,7 @@ settings.load_profile("shared")
 
 
 #: Of the slow tests one in so many is the sample.
-ONE_IN = 4
+ONE_IN = 6
 
 
 def pytest_addoption(parser):

@@ -60,6 +60,7 @@ def test_a_recording_as_people_have_it_is_diagnosed(folder, capsys):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("named", [True, False])
 def test_a_column_of_runs_that_no_option_names_is_said_aloud(folder, capsys, named):
     words = ["diagnose", f"{folder / 'plant.py'}:plant", str(folder / "data.csv"), "--columns", "flow=q (m^3/s)"]
@@ -290,6 +291,7 @@ def diagnosis_of_tanks(folder, kind):
     return ["diagnose", f"{folder / 'tanks.py'}:plant", str(folder / "d.csv"), "--run", "run", "--time", "t"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "options", "name", "place"),
     [
@@ -319,6 +321,7 @@ def test_a_stamp_that_goes_back_is_named_with_its_row(tmp_path, capsys):
     assert "Row 0 is the first line below the header" in said
 
 
+@pytest.mark.slow
 def test_a_joint_log_stands_in_the_place_of_a_csv(folder, capsys):
     words = ["diagnose", f"{folder / 'plant.py'}:plant", "--effects", "sensor_bias", "linear_loss", "--quiet", "--json"]
     columns, runs = read_csv(folder / "data.csv", ["q (m^3/s)", "level [m]"], "experiment")

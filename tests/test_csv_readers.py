@@ -52,6 +52,7 @@ def read(content, tmp_path, by_pandas, **named):
     return {name: column.tolist() for name, column in columns.items()}, None if runs is None else runs.tolist()
 
 
+@pytest.mark.slow
 @settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     st.lists(st.tuples(cells, cells, labels), min_size=1, max_size=4), st.sampled_from([",", ";", "\t"]),

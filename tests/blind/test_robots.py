@@ -26,6 +26,7 @@ def test_the_march_by_mujoco_alone_is_what_the_simulator_gives():
         np.testing.assert_allclose(simulator.simulate(U, x0=x0), y, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_the_march_of_the_arm_is_what_its_equations_give():
     case = drawn(linkage_case, None)
     for U, x0, y in zip(case["U"][:2], case["X0"], case["clean"]):
@@ -116,6 +117,7 @@ def test_a_model_that_follows_the_plant_is_beside_the_oracle_and_the_simulator_a
     assert 0.9 < score_robot_case(case, exact)["oracle"] <= 1.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arm", "verdict"), [("linkage_none", "none"), ("robot_none", "none"), ("robot_unknown", "unknown")]
 )

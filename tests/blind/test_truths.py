@@ -154,6 +154,7 @@ CAN_START = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("plant_name, effect", CAN_START, ids=[one[0] for _, one in CAN_START])
 def test_two_ways_to_one_effect_that_begins(plant_name, effect):
     """The same from a moment within a sample on; before it nothing is different."""
@@ -220,6 +221,7 @@ def test_halving_the_step_changes_a_smooth_plant_by_a_sixteenth():
     assert 10 < errors[0] / errors[1] < 24
 
 
+@pytest.mark.slow
 def test_parameters_may_differ_from_column_to_column():
     plant = PLANTS["oscillator"]
     U, X0 = experiment(plant)

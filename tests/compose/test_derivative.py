@@ -61,6 +61,7 @@ def test_true_terms_and_true_derivatives_give_equation_9():
     np.testing.assert_allclose(model.derivative(X, y), dydt, rtol=1e-6, atol=1e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noise", [0.0, 0.1])
 def test_the_weak_form_finds_equation_9_without_derivatives(noise):
     X, y, groups = make_reactor_runs(40, 200, noise=noise, random_state=0)
@@ -179,6 +180,7 @@ def test_a_model_that_runs_away_says_run_and_step():
         model.predict(X, y0=[1.0, 2.0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["RK4", "LSODA"])
 def test_uneven_times_are_integrated(method):
     rng = np.random.default_rng(0)

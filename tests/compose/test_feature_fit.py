@@ -91,6 +91,7 @@ def test_shooting_through_features_beats_one_step_on_noisy_data(estimator):
     assert np.isfinite(model.shooting_loss_)
 
 
+@pytest.mark.slow
 def test_two_outputs_and_runs_of_unequal_length():
     X, y, groups = planted()
     Y = np.c_[y, 3 + y**2]

@@ -17,6 +17,7 @@ def test_a_correction_of_zero_gives_the_simulator_back():
     np.testing.assert_array_equal(hybrid.predict(X, groups=groups), simulated)
 
 
+@pytest.mark.slow
 def test_a_perfect_simulator_needs_no_correction():
     X, y, groups = make_reactor_runs(3, 80, random_state=0)
     hybrid = HybridRegressor(make_reactor()).fit(X, y, groups=groups)

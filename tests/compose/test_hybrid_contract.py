@@ -20,6 +20,7 @@ ORDER = "row order matters to lags"
 EXPECTED = {"check_methods_sample_order_invariance": ORDER, "check_methods_subset_invariance": ORDER}
 
 
+@pytest.mark.slow
 @parametrize_with_checks(
     [HybridRegressor(None), HybridRegressor(None, Ridge(), n_lags=2)],
     expected_failed_checks=lambda estimator: EXPECTED,
@@ -33,6 +34,7 @@ def _rmse(a, b):
     return float(np.sqrt(np.mean((a - b) ** 2)))
 
 
+@pytest.mark.slow
 def test_nested_parameters_of_the_simulator_and_the_residual_are_searched():
     X, y, groups = make_reactor_runs(4, 60, random_state=0)
     hybrid = HybridRegressor(make_reactor(flow=3.0), Ridge(1e-3), "static")
@@ -68,6 +70,7 @@ def test_further_runs_join_those_of_the_first_call(begin):
     assert hybrid.free_run_rmse_ == whole.free_run_rmse_
 
 
+@pytest.mark.slow
 def test_fit_forgets_the_runs_before_it():
     X, y, groups = make_reactor_runs(6, 60, noise=0.01, random_state=0)
     parts = [groups < 2, (groups >= 2) & (groups < 4), groups >= 4]
@@ -151,6 +154,7 @@ def test_two_standard_deviations_hold_most_of_unseen_runs():
     assert inside.mean() > 0.75
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "residual",
     [
@@ -188,6 +192,7 @@ def test_shooting_without_slopes_speaks():
         HybridRegressor(linear_reactor(), RandomForestRegressor(3), loss="shooting").fit(X, y, groups=groups)
 
 
+@pytest.mark.slow
 def test_a_calibrated_simulator_is_fitted_first():
     from sksurrogate.physics import CalibratedSimulator
 
@@ -205,6 +210,7 @@ def test_two_outputs_and_pickle():
     np.testing.assert_array_equal(again.predict(X, groups=groups), hybrid.predict(X, groups=groups))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", ["output", "static", "dynamics"])
 def test_skops_asks_for_types_of_this_package_only(form):
     skops_io = pytest.importorskip("skops.io")

@@ -44,6 +44,7 @@ def test_a_missing_cubic_spring_is_found_in_the_dynamics_of_the_unmeasured_speed
     assert error < 0.1 * np.std(alone - new_y)
 
 
+@pytest.mark.slow
 def test_a_bent_input_is_found_by_the_input_form():
     X, y, groups = runs(plant(bend=0.3), noise=0.005)
     hybrid = HybridRegressor(plant(), form="input").fit(X, y, groups=groups)

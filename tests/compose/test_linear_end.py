@@ -172,6 +172,7 @@ def test_a_scaled_target_without_an_intercept_is_refused():
         RecursivePredictor(scaled, 1, 1, loss="shooting").fit(X, y, groups=groups)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scaler", [(), (StandardScaler(),)])
 def test_a_correction_without_an_intercept_is_shot_without_one(scaler):
     X, y, groups = make_reactor_runs(5, 80, noise=0.05, random_state=0)

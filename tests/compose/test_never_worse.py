@@ -52,6 +52,7 @@ def test_a_clear_correction_is_kept_whole_unless_a_smaller_share_is_surely_bette
     assert supported(1.0 - 1.8 * factors[:, None] + np.outer(factors**2, np.ones(8)), factors).factor == 0.9
 
 
+@pytest.mark.slow
 def test_a_gain_that_chance_explains_supports_nothing():
     """Without any gain, one record of twenty keeps something: Student's t, as few blocks as there are."""
     rng, kept = np.random.default_rng(0), 0
@@ -146,6 +147,7 @@ def test_every_row_is_judged_by_a_fit_that_has_not_seen_it(lengths):
     assert all(np.all(one[3:] > 0) for one in seen)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", ["output", "static", "series"])
 def test_a_correction_learned_from_noise_is_dropped(form):
     rng = np.random.default_rng(0)

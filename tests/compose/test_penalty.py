@@ -61,6 +61,7 @@ def test_a_penalty_whose_model_does_not_forget_is_left(monkeypatch):
     assert model.alpha_ == 0.01
 
 
+@pytest.mark.slow
 def test_one_run_is_cut_and_networks_are_chosen_for(monkeypatch):
     monkeypatch.setattr(penalty, "ALPHAS", (0.1, 0.03))
     X, y, _ = make_reactor_runs(1, 80, y0_range=(4.0, 6.0), u_range=(0.1, 0.15), random_state=0)

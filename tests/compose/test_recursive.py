@@ -406,6 +406,7 @@ def test_regressors_of_one_output_are_fitted_to_each_of_two():
     assert model.predict(X, groups=groups).shape == Y.shape and model.score(X, Y, groups=groups) > 0.5
 
 
+@pytest.mark.slow
 def test_steps_of_a_forest_are_not_taken_for_flat():
     X, y, groups = planted(n=200)
     trees = RecursivePredictor(RandomForestRegressor(20, random_state=0), 1, 2).fit(X, y, groups=groups)

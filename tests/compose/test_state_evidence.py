@@ -76,6 +76,7 @@ def test_noise_and_error_bars_of_a_linear_plant(given):
         assert std[0] > 5 * std[110] and np.mean(inside[~rows]) > 0.86
 
 
+@pytest.mark.slow
 def test_the_penalty_grows_with_the_noise():
     penalties = []
     for noise in (0.02, 0.5):

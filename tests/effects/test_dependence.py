@@ -107,6 +107,7 @@ def test_a_heat_transfer_that_grows_with_the_flow_is_named():
     assert report.verdict in ("explained", "partial") and report.shrink.fraction > 0.85
 
 
+@pytest.mark.slow
 def test_it_may_depend_on_a_state_that_is_not_measured():
     def warmer(t, x, u, p):
         return exchanger(t, x, u, {**p, "UA": p["UA"] * (0.5 + 0.012 * x[1])})

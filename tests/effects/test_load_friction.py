@@ -129,6 +129,7 @@ def test_it_is_found_and_not_given_where_the_friction_is_constant():
                 assert abs(found.params[key] - planted) < 0.03 * planted and high - low < 0.1 * planted
 
 
+@pytest.mark.slow
 def test_it_may_begin_in_a_run():
     later = AugmentedSimulator(
         joint(), [starting(FRICTION("torque", "v"))], [{"coefficient": 0.2, "level": 0.1, "onset": 1.0}]

@@ -83,6 +83,7 @@ def _casadi(model, n_sub):
     return lambda x, u: [part.full() for part in function(x, u)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("simulator", [ODE, SHOWN, STEP, STEP_SHOWN], ids=["states", "outputs", "step", "step_outputs"])
 @pytest.mark.parametrize("name", CATALOGUE)
 def test_every_effect_of_the_catalogue_runs_as_it_is_simulated(name, simulator):
@@ -119,6 +120,7 @@ def test_an_actuator_that_was_at_rest_runs_as_it_is_simulated(name):
     np.testing.assert_allclose(found, expected, atol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("simulator", [SHOWN, STEP_SHOWN], ids=["outputs", "step_outputs"])
 @pytest.mark.parametrize("name", [name for name in CATALOGUE if can_start(CATALOGUE[name]())])
 def test_an_effect_with_an_onset_runs_as_it_is_simulated(name, simulator):
@@ -161,6 +163,7 @@ def test_python_control_takes_the_steps_of_simulate():
     np.testing.assert_allclose(found.T, expected, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_the_steps_of_a_plain_simulator_are_those_of_its_run():
     for plant, many in ((ODE, 1), (ODE, 40), (SHOWN, 1)):  # 40: closed window by window
         inputs = np.tile(U, (many, 1))
@@ -181,6 +184,7 @@ def test_a_run_in_steps_of_scipy_has_no_number_of_steps():
             model.substeps(U[:, :1])
 
 
+@pytest.mark.slow
 def test_kinks_over_sizes_that_an_export_does_not_know_are_refused_with_the_sizes():
     friction = AugmentedSimulator(ODE, [CATALOGUE["coulomb_friction"]("v", "v")], [(0.2,)])
     with pytest.raises(SimulatorError, match=r"scale=None: .* Give scale=\[[\d., ]+\] for both") as error:

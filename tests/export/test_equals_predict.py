@@ -209,6 +209,7 @@ EVERY_REGRESSOR = [(name, cls) for name, cls in all_estimators("regressor") if n
 EVERY_TRANSFORMER = all_estimators("transformer")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "cls"), EVERY_REGRESSOR + EVERY_TRANSFORMER, ids=[name for name, _ in EVERY_REGRESSOR + EVERY_TRANSFORMER]
 )

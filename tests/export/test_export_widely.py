@@ -138,6 +138,7 @@ def _run(graph, x, rows):
 U, V, GROUPS = make_reactor_runs(3, 60, noise=0.01, random_state=0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("hidden", [(), (3,)])
 def test_a_state_space_model_runs_freely_as_predict(hidden):
     model = StateSpaceRegressor(2, hidden_layer_sizes=hidden, init="mean").fit(U, V, groups=GROUPS)

@@ -218,6 +218,7 @@ def peak_of(job):
         tracemalloc.stop()
 
 
+@pytest.mark.slow
 def test_the_sparse_basis_needs_a_third_of_scikit_learns_memory():
     X = np.random.default_rng(6).uniform(size=(100_000, 4))
     ours = peak_of(lambda: SplineFeatures(20, 3, sparse_output=True).fit_transform(X))

@@ -67,6 +67,7 @@ def test_a_power_that_the_data_hardly_tell_from_other_laws_is_in_their_class(see
     assert ("power_law", "h", "h") in names(effect)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tolerance, simpler", [(0.1, [("quadratic_drag", "v", "v")]), (1e-3, [])])
 def test_a_special_case_that_is_as_good_up_to_the_tolerance_is_of_the_class(tolerance, simpler):
     """A drag to the power 1.85 is a power law; up to a tenth of the gap it is a quadratic drag, up to a thousandth it is not."""

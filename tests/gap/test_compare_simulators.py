@@ -57,6 +57,7 @@ def test_of_two_alike_nothing_is_named_and_the_same_seed_gives_the_same():
     np.testing.assert_allclose(data.y[:301, 0], simulator().simulate(data.X[:301])[:, 0], atol=6e-3 * np.std(data.y))
 
 
+@pytest.mark.slow
 def test_a_simulator_with_other_names_is_matched_by_position():
     report, data = compared(simulator(), Outside(), return_data=True)
     assert report.effects[0].name == "quadratic_drag"

@@ -51,6 +51,7 @@ def fitted():
     return round_one, friction_fitted(AugmentedSimulator(NOMINAL, [COULOMB], [(LEVEL,)]))
 
 
+@pytest.mark.slow
 def test_a_narrow_width_is_found_between_that_of_numerics_and_the_first_wider_one():
     candidate = friction_fitted(cart(lambda v: LEVEL * np.tanh(v / 0.02)), NOISE / 6)
     best = rounded(candidate, price=10.0)

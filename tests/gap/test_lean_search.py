@@ -59,6 +59,7 @@ def test_twins_of_a_column_and_columns_without_power_say_nothing_more():
     assert left[1:] == pytest.approx(2.0 - (one @ r) ** 2 / (one @ one))
 
 
+@pytest.mark.slow
 def test_the_screen_in_blocks_is_the_screen_at_once(monkeypatch):
     simulator, X, y, groups = recorded(lambda x: -0.5 * x[0] ** 3, 0.005)
     found = []
@@ -109,6 +110,7 @@ def test_a_small_second_effect_that_leads_to_the_noise_is_named_beside_a_large_o
     assert {effect.name for effect in search.final.effects} == {"cubic_stiffness", "quadratic_drag"}
 
 
+@pytest.mark.slow
 def test_no_second_name_is_fitted_where_none_could_close_half_of_the_power():
     def cogging(x):  # a ripple over the position, of which no sum of the effects has half
         return 3.0 * np.sin(20.0 * x[0])

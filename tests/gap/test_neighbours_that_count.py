@@ -7,6 +7,7 @@ from sksurrogate.gap import GapDiagnoser
 from sksurrogate.physics import ODESimulator
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("planted, named", [("own", ("linear_loss", "T")), ("exchange", ("exchange", "room"))])
 def test_a_loss_is_no_exchange_with_a_flow_near_zero(planted, named):
     """A loss ``-0.05 T``, or ``0.05 (room - T)``: the coolant's flow of 0 to 0.02 has no part in either."""

@@ -42,6 +42,7 @@ def test_a_plant_without_inputs_needs_no_dummy(readings):
         assert found.params_["drag"] == pytest.approx(0.3, abs=0.02)
 
 
+@pytest.mark.slow
 def test_an_input_that_never_moves_drives_no_candidate(readings):
     plant = swing(inputs=["room"])
     diagnoser = GapDiagnoser(plant, effects=EFFECTS, random_state=0, n_jobs=1)

@@ -102,6 +102,7 @@ def test_a_law_that_begins_within_the_runs_is_listed_for_both_kinds_of_access(ki
     assert "*y*(t > 6)" in found[0] and (offset, slope) == pytest.approx((0.3, 0.5), rel=0.1)
 
 
+@pytest.mark.slow
 def test_a_friction_with_an_offset_is_told_from_a_symmetric_one_beside_a_step():
     """Beside a symmetric friction a slow sine comes nearer than the step: the search goes another way."""
     rotor = ODESimulator(

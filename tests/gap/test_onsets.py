@@ -140,6 +140,7 @@ def test_effects_in_a_window_lend_their_shape_to_such_effects_alone():
     assert OdeSearch.siblings(search, [nearest], base) == [(other, (8.0,))]
 
 
+@pytest.mark.slow
 def test_in_one_run_a_gain_that_sets_in_and_the_jump_of_its_parameter_are_one_class():
     def rhs(t, x, u, p):
         return x[1], p["gain"] * u[0] - 9.0 * x[0] - 0.6 * x[1]

@@ -1,6 +1,7 @@
 """Two laws of one variable in one balance that add up are both named."""
 
 import numpy as np
+import pytest
 
 from sksurrogate.effects import CATALOGUE
 from sksurrogate.gap import GapDiagnoser
@@ -16,6 +17,7 @@ def simulator(extra):
     )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_pair_that_adds_up_is_named():
     rng = np.random.default_rng(4)
     X = np.repeat(rng.uniform(1.8, 2.4, (RUNS, N // 10, 1)), 10, axis=1)

@@ -179,6 +179,7 @@ def test_a_diagnosis_of_degrees_says_so():
     assert any("from degrees to radians" in note for note in report.notes)
 
 
+@pytest.mark.slow
 def test_a_plant_that_only_moves_less_is_in_no_other_unit():
     """A bumper keeps a pendulum from falling over: the simulator of small motions does better than the simulator, in any small unit."""
 
@@ -195,6 +196,7 @@ def test_a_plant_that_only_moves_less_is_in_no_other_unit():
     assert other_unit(nominal, record) == ""
 
 
+@pytest.mark.slow
 def test_a_simulator_at_its_limits_is_in_no_other_unit():
     """A drag is missing. With all signals a thousand times larger the input of the simulator stands at its limit: its sign is left."""
 

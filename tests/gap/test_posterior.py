@@ -64,6 +64,7 @@ def ball():
     return nominal, X, y
 
 
+@pytest.mark.slow
 def test_few_readings_of_an_inexact_drag_are_named_by_a_loss_of_the_velocity(ball):
     nominal, X, y = ball
     report = GapDiagnoser(nominal, random_state=0, n_jobs=1).fit(X, y).report_

@@ -72,6 +72,7 @@ def test_spikes_alone_leave_no_gap():
     assert np.all(np.maximum(jumps[list(fault.rows)], np.roll(jumps, -1)[list(fault.rows)]) > 0.04 * spread)
 
 
+@pytest.mark.slow
 def test_rows_are_those_of_the_user():
     case = make_case("cart", "spikes", False)
     keep = np.r_[np.full(7, -1), np.asarray(case.groups)]
@@ -111,6 +112,7 @@ def test_a_fault_of_runs_is_no_effect(kind):
         assert fault.runs == (1,) and fault.values[1] in range(3, 7) and fault.location is None
 
 
+@pytest.mark.slow
 def test_a_scale_of_two_runs_is_listed_with_these_alone():
     case = make_case("cart", "nothing", False)
     some = np.isin(case.groups, (1, 3))
@@ -264,6 +266,7 @@ def test_inputs_written_one_row_late_are_no_effect(plant, effect):
     assert report.verdict == ("explained" if effect else "none")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("plant", "effect"), [("cart", True), ("oven", False)])
 def test_inputs_that_move_between_the_rows_are_no_effect(plant, effect):
     # Held over the rows they come half a sample late: three effects that do the same were named, or a relaxation with a lead.
@@ -284,6 +287,7 @@ def test_inputs_that_move_between_the_rows_are_no_effect(plant, effect):
     assert (again.verdict, again.effects, again.data.kinds) == ("none", [], ())
 
 
+@pytest.mark.slow
 def test_inputs_that_are_held_stay_held():
     report = diagnosed(make_case("motor", "nothing", True)).report_
     assert report.data.kinds == ()
@@ -301,6 +305,7 @@ def test_a_shift_says_its_direction_and_what_to_do(values, said, way_out):
     assert said in fault.what and way_out in fault.remedy
 
 
+@pytest.mark.slow
 def test_a_late_run_beside_a_loss_is_no_law():
     # Far from the data the likelihood of a law is that of no model that was simulated; the late run comes to the noise.
     report = diagnosed(make_case("oven", "shift", True), "quadratic_loss", "power_law").report_
@@ -326,6 +331,7 @@ def test_noise_on_an_input_stays_only_where_the_names_are_likelier_with_it(score
     assert bool(after.faults) == kept and after.closed
 
 
+@pytest.mark.slow
 def test_names_do_not_stand_in_for_noise_on_an_input():
     # Grids of the input follow single readings of it: what the noise makes up is judged beside the model without them.
     report = diagnosed(make_case("tanks", "input_noise", False), "input_quantization").report_
@@ -350,6 +356,7 @@ def test_noise_that_stays_on_an_input_is_noise_of_the_outputs():
     assert NoisyInput(0, 0).corrected(clean).disturbance == 0.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 4711])  # under white noise alone the smoother input looks unlikely with 4711
 def test_noise_on_an_input_is_said_and_is_no_law(seed):
     case = make_case("cart", "input_noise", False, seed)
@@ -361,6 +368,7 @@ def test_noise_on_an_input_is_said_and_is_no_law(seed):
     assert fault.size == pytest.approx(size, rel=0.15)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 5813])
 def test_a_bounded_input_whose_noise_is_smoothed_does_not_saturate(seed):
     """Its noise is the gap: a limit that the input never passed is likelier, and no name."""
@@ -369,6 +377,7 @@ def test_a_bounded_input_whose_noise_is_smoothed_does_not_saturate(seed):
     assert (report.verdict, report.effects) == ("none", [])
 
 
+@pytest.mark.slow
 def test_an_effect_elsewhere_is_named_beside_noise_of_an_input_that_makes_up_the_gap():
     """Neighbouring levels of the input differ by less than a level with a place of its own costs."""
     report = diagnosed(make_case("motor", "input_noise", True, 0), "quadratic_drag", "input_saturation").report_
@@ -376,6 +385,7 @@ def test_an_effect_elsewhere_is_named_beside_noise_of_an_input_that_makes_up_the
     assert [(effect.name, effect.location) for effect in report.effects] == [("quadratic_drag", "speed")]
 
 
+@pytest.mark.slow
 def test_a_slow_actuator_is_no_noise_of_the_input():
     # The plant gets a smoother input than was measured, and another effect is all that may be named.
     case, rng = make_case("cart", "nothing", False), np.random.default_rng(4)
@@ -405,6 +415,7 @@ def test_a_stretch_of_measured_readings_keeps_its_first_and_last_row():
     )
 
 
+@pytest.mark.slow
 def test_loads_of_each_run_read_as_offsets_where_the_plant_is_linear_and_the_remedy_says_so():
     """From free initial states ``dx/dt = u - a x + load`` is the plant without the load, and ``load / a`` on top."""
     loads, rng = np.array([0.8, -0.5, 0.3, -0.9]), np.random.default_rng(0)
@@ -432,6 +443,7 @@ def test_readings_that_are_scaled_keep_their_density():
     assert before == pytest.approx(after + fault.log_stretch(record), rel=1e-12)
 
 
+@pytest.mark.slow
 def test_a_valve_that_is_nearly_a_gain_is_no_gain_of_all_runs():
     """It leaves more than the noise, and readings that are divided by 1.35 have less of it."""
     simulator = ODESimulator(

@@ -1,6 +1,7 @@
 """A sensor that loses the sign: the states that are read off it have the wrong sign in places, the true ones are found."""
 
 import numpy as np
+import pytest
 
 from sksurrogate.gap import GapDiagnoser
 from sksurrogate.physics import ODESimulator
@@ -12,6 +13,7 @@ def circuit(t, x, u, p):
     return x[1], p["gain"] * u[0] - p["stiffness"] * x[0] - p["damping"] * x[1]
 
 
+@pytest.mark.slow
 def test_a_rectified_output_is_named_where_runs_start_below_zero():
     rng = np.random.default_rng(11)
     plant = ODESimulator(

@@ -87,6 +87,7 @@ def test_levels_of_an_input_are_no_grid_of_the_sensor():
     assert not is_rounded(y, level, lattice_steps(y)[0])
 
 
+@pytest.mark.slow
 def test_without_its_name_the_sensor_is_the_place_and_the_step_is_told():
     U, Y, runs = experiment(0.3, 0.02)
     report = GapDiagnoser(tank(), effects=["linear_loss", "sensor_gain"], random_state=0).fit(U, Y, groups=runs).report_
@@ -95,6 +96,7 @@ def test_without_its_name_the_sensor_is_the_place_and_the_step_is_told():
     assert any("steps of 0.3" in note for note in report.notes)
 
 
+@pytest.mark.slow
 def test_with_its_name_it_is_named():
     U, Y, runs = experiment(0.3, 0.02)
     effects = ["linear_loss", "sensor_gain", "sensor_quantization"]
@@ -109,6 +111,7 @@ def test_a_fine_grid_is_what_every_converter_has():
     assert report.verdict == "none"
 
 
+@pytest.mark.slow
 def test_the_fine_grid_of_a_display_is_no_cause_beside_a_loss():
     """Readings that a display gives in steps larger than their noise: the loss alone is named, and no rounding is tried unless asked for."""
 

@@ -35,6 +35,7 @@ def sizes(note):
     return [float(part.split(" in run")[0]) for part in note.split("in each: ")[1].split(" (to first")[0].split(", ")]
 
 
+@pytest.mark.slow
 def test_loads_of_each_run_are_told_with_their_sizes():
     report, (note,) = notes(recorded([spring(load=load) for load in LOADS]))
     assert "constant_bias at v does" in note
@@ -42,6 +43,7 @@ def test_loads_of_each_run_are_told_with_their_sizes():
     assert not report.effects or report.effects[0].name == "constant_bias"
 
 
+@pytest.mark.slow
 def test_a_parameter_of_each_run_is_told_too():
     errors = np.array([0.2, -0.1, 0.3, 0.05])
     _, (note,) = notes(recorded([spring(k=2.0 * (1 + error)) for error in errors]))
@@ -49,6 +51,7 @@ def test_a_parameter_of_each_run_is_told_too():
     assert sizes(note) == pytest.approx(errors, abs=0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("plant", [spring(), spring(drag=0.4), spring(load=0.3)], ids=["nothing", "drag", "one load"])
 def test_what_is_the_same_in_all_runs_has_no_such_note(plant):
     assert notes(recorded([plant] * 4))[1] == []

@@ -68,6 +68,7 @@ def test_a_signal_reaches_the_output_as_the_recursion_says(record):
     np.testing.assert_allclose(c.respond(signal)[0, 0], x, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_curve_follows_the_truth_within_its_bands(record):
     inside = []
     for seed in range(4):

@@ -100,6 +100,7 @@ def friction(t, x, u, p):
     return [x[1], u[0] - x[0] - 0.2 * x[1] - 0.3 * np.tanh(x[1] / p["width"])]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("hold", ["zoh", "foh"])
 def test_a_long_run_of_a_simulator_is_that_of_a_loop(monkeypatch, hold):
     simulator = ODESimulator(

@@ -235,6 +235,7 @@ def test_the_three_losses_have_one_minimiser(solver):
     np.testing.assert_allclose(models["rmse"].loss_, np.sqrt(models["mse"].loss_))
 
 
+@pytest.mark.slow
 def test_the_three_losses_have_one_minimiser_in_torch():
     rng = np.random.default_rng(5)
     X = rng.normal(size=(40, 2))
@@ -353,6 +354,7 @@ def test_blocks_that_arrive_one_by_one_reach_the_fit_of_all():
     assert np.sqrt(np.mean((blocks.predict(X) - whole.predict(X)) ** 2)) < 0.01
 
 
+@pytest.mark.slow
 def test_partial_fit_in_torch_makes_one_epoch_a_block():
     model = FNNRegressor(solver="adam", learning_rate=0.05, random_state=0)
     for _ in range(300):

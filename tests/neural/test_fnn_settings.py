@@ -18,6 +18,7 @@ x = np.linspace(-1, 1, 50)[:, None]
 square = x[:, 0] ** 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("solver", ["lm", "lbfgs", "line_search"])
 def test_a_prior_of_a_linear_model_is_the_ridge_to_it(solver):
     coef, level, alpha = np.array([[1.0], [0.05]]), np.array([-2.0]), 0.3

@@ -45,6 +45,7 @@ def test_planted_parameters_come_back(known):
     assert model.score(X, y, groups=groups) > 0.999
 
 
+@pytest.mark.slow
 def test_intervals_hold_what_they_promise():
     inside = []
     for seed in range(12):

@@ -66,6 +66,7 @@ def test_the_stiff_step_has_order_three():
     assert all(6.0 < a / b < 10.5 for a, b in zip(errors, errors[1:]))
 
 
+@pytest.mark.slow
 def test_a_stiff_plant_is_calibrated():
     """Robertson's reaction: rates over nine orders of magnitude, the middle species unmeasured."""
 

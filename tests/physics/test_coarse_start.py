@@ -106,6 +106,7 @@ def test_the_map_of_a_record_is_the_march_from_row_to_row(monkeypatch, hold):
             np.testing.assert_allclose(after[:, column, k], one[:, 0, 1], rtol=1e-13)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 1, 7])
 def test_a_nominal_run_that_bursts_leads_no_fit_astray(seed):
     # Off by a tenth to a third, the substrate is used up: there steps of one sample are unstable, and the run bursts.

@@ -47,6 +47,7 @@ def test_a_ball_follows_its_closed_form_until_it_rests():
     assert ball().simulate(np.full((30, 1), 20.0), x0=[0.0, 0.0])[-1, 0] > 1.0  # and rises again
 
 
+@pytest.mark.slow
 def test_it_keeps_the_protocol():
     plant = ball()
     check_simulator(plant, np.zeros((60, 1)))

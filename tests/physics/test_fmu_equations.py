@@ -42,6 +42,7 @@ def calls(request, monkeypatch):
         monkeypatch.setattr("sksurrogate.physics._call_loop.machine_code", lambda shape: None)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("hold", ["zoh", "foh"])
 def test_model_exchange_is_the_same_right_hand_side(swing_unit, hold):
     unit, plant = _unit(swing_unit, hold=hold), _equations(hold=hold)
@@ -90,6 +91,7 @@ def test_states_stand_in_the_order_of_initial(swing_unit):
     np.testing.assert_array_equal(unit.simulate(U, x0=[0.0, 0.5]), _equations().simulate(U))
 
 
+@pytest.mark.slow
 def test_refused_points_are_nan_and_the_others_are_right(swing_unit, capfd, calls):
     unit = _unit(swing_unit)
     x = np.random.default_rng(4).normal(size=(2, 60))

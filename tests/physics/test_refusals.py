@@ -49,6 +49,7 @@ def test_a_point_that_is_not_finite_is_not_asked_of_a_function_of_single_points(
     assert not said
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rhs", [strict, by_point])
 def test_a_run_that_comes_to_a_refused_point_says_what_the_function_said(rhs):
     with warnings.catch_warnings():

@@ -280,6 +280,7 @@ def test_an_input_that_never_moves_is_legal(name):
         assert np.sqrt(np.mean(error**2)) < 0.1 * np.sqrt(np.mean(alone**2))
 
 
+@pytest.mark.slow
 @AROUND
 def test_single_precision_around_a_simulator(name):
     U, level, runs = mixed()
@@ -290,6 +291,7 @@ def test_single_precision_around_a_simulator(name):
     np.testing.assert_allclose(single, double, rtol=1e-4, atol=1e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("unit", [1e-9, 1e9])
 @AROUND
 def test_outputs_in_huge_and_tiny_units_around_a_simulator(name, unit):

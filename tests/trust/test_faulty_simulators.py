@@ -99,6 +99,7 @@ def diagnosed(make, fault, **options):
     return diagnoser.fit(U, measured(make), groups=RUNS).report_
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("make", SIMULATORS)
 def test_candidates_that_the_simulator_fails_for_are_lost_and_the_right_one_is_named(make, kind):
@@ -133,6 +134,7 @@ def test_a_mistake_in_the_simulator_stands_in_the_sentence_for_the_right_effect_
     assert honest.mistakes == () and "mistake" not in honest.sentence
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "stage",
     ["look_for_names", "find_equivalents", "leave_runs_out", "look_at_what_is_left", "share_the_gap", "suggest_an_experiment"],

@@ -58,6 +58,7 @@ values = st.recursive(
 )
 
 
+@pytest.mark.slow
 @FEW
 @given(values.map(lambda value: json.dumps(value).encode()) | st.binary(max_size=100))
 @example(b"[" * 100_000)

@@ -67,6 +67,7 @@ def test_an_interrupt_while_the_command_is_imported_is_a_sentence(module):
     assert errors == "sksurrogate: interrupted before anything was known\n"
 
 
+@pytest.mark.slow
 def test_an_interrupt_while_the_demo_is_imported_is_a_sentence():
     # The exit status is that of a process that an interrupt ended where it came within a class that is made of text.
     said, status, errors = interrupted(IMPORTS.format(module="sksurrogate.gap._diagnose"))
@@ -74,6 +75,7 @@ def test_an_interrupt_while_the_demo_is_imported_is_a_sentence():
     assert errors == "sksurrogate: interrupted before anything was known\n"
 
 
+@pytest.mark.slow
 def test_workers_say_nothing_and_end_with_an_interrupt():
     # Two workers, started without the interrupt: the process that started them ends them.
     said, status, errors = interrupted(WORKS)

@@ -71,6 +71,7 @@ def alive(number):
         return False
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "command", [[BLOCKED], [STARTS, ANSWERS_NEVER], [WORKERS]], ids=["fork", "started", "workers of joblib"]
 )

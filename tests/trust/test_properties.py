@@ -235,6 +235,7 @@ def tank(gain, loss=1.0):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("unit", [1e-3, 1e3])
 def test_a_diagnosis_in_other_units_says_the_same(unit):
     """Output and input in other units, the gain with them: same verdict and name, offset in the new unit."""
@@ -254,6 +255,7 @@ def test_a_diagnosis_in_other_units_says_the_same(unit):
     assert reports[1].shrink.after == pytest.approx(reports[0].shrink.after, rel=0.05)
 
 
+@pytest.mark.slow
 def test_a_diagnosis_does_not_depend_on_the_labels_of_the_runs():
     X, y, groups = make_reactor_runs(4, 80, noise=0.02, random_state=0)
     names = ["parameter_error", "sensor_bias"]
