@@ -20,8 +20,10 @@ from sksurrogate._columns import by_name
 from sksurrogate._stamps import with_rows_in_gaps
 from sksurrogate._tables import no_inputs, without_nan
 from sksurrogate.exceptions import DataError, SimulatorError
+from sksurrogate.kernels.free_runs import free_run
 from sksurrogate.kernels.heap import keep_freed_memory
-from sksurrogate.kernels.output_error import Fit, free_run, linearise, output_error
+from sksurrogate.kernels.linearised import linearise
+from sksurrogate.kernels.output_error import Fit, output_error
 from sksurrogate.kernels.record import Record
 from sksurrogate.kernels.smoother import noise_of_differences
 from sksurrogate.physics._asked import asked_bounds, asked_names, asked_priors, initial_states, nominal_values

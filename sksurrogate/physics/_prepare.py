@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from sksurrogate.kernels.free_runs import free_run
 from sksurrogate.kernels.integrate import DIFFERENCE, close, moved_one_by_one
-from sksurrogate.kernels.output_error import free_run
 from sksurrogate.kernels.record import Record
 from sksurrogate.kernels.smoother import drawn
 from sksurrogate.physics._fit_model import FitModel

@@ -9,8 +9,8 @@ from sksurrogate.compose._term import Basis, TermModel
 from sksurrogate.effects import CATALOGUE
 from sksurrogate.effects._model import AugmentedModel
 from sksurrogate.effects._sampled import names_of_memory
+from sksurrogate.kernels.free_runs import free_run
 from sksurrogate.kernels.linearised import linearise
-from sksurrogate.kernels.output_error import free_run
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics import ODESimulator
 from sksurrogate.physics._fit_model import FitModel

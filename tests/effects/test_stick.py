@@ -8,8 +8,8 @@ import pytest
 from sksurrogate.effects import CATALOGUE, AugmentedSimulator, starting
 from sksurrogate.gap.fit._build import build_problem
 from sksurrogate.gap.fit._ode import Numerics
+from sksurrogate.kernels.free_runs import free_run
 from sksurrogate.kernels.linearised import linearise
-from sksurrogate.kernels.output_error import free_run
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics import ODESimulator
 from sksurrogate.physics._model import PlantModel

@@ -10,7 +10,7 @@ from sksurrogate.gap import GapDiagnoser
 from sksurrogate.gap.decide._held_out import held_out, without_names
 from sksurrogate.gap.fit._build import build_problem
 from sksurrogate.gap.search._fit_from_starts import fit_last
-from sksurrogate.kernels import output_error
+from sksurrogate.kernels import free_runs
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics import ODESimulator
 from sksurrogate.physics._model import PlantModel
@@ -101,10 +101,10 @@ def test_a_run_that_begins_behind_the_limit_of_its_sensor_is_judged_from_the_tra
 def test_a_run_near_a_trajectory_is_the_run_by_a_loop_over_time(problem, monkeypatch, limit):
     problem, _ = problem
     model = problem.augmented(() if limit is None else (CATALOGUE["state_saturation"]("place"),))
-    theta, loop, loops = np.array([] if limit is None else [limit]), output_error.free_run, []
-    monkeypatch.setattr(output_error, "free_run", lambda *args: loops.append(1) or loop(*args))
+    theta, loop, loops = np.array([] if limit is None else [limit]), free_runs.free_run, []
+    monkeypatch.setattr(free_runs, "free_run", lambda *args: loops.append(1) or loop(*args))
     with np.errstate(all="ignore"):
-        run = output_error.run_near(model, theta, problem.run)
+        run = free_runs.run_near(model, theta, problem.run)
         wanted = loop(model, theta, problem.run[:, problem.record.starts])
     np.testing.assert_allclose(run, wanted, rtol=0, atol=1e-9 * model.scale.max())
     assert limit is not None or not loops, "where nothing is cut off Newton needs no loop"

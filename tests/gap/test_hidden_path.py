@@ -6,7 +6,7 @@ import pytest
 from sksurrogate.effects import CATALOGUE
 from sksurrogate.effects._model import AugmentedModel
 from sksurrogate.gap.screen._hidden_path import hidden_paths
-from sksurrogate.kernels.output_error import free_run
+from sksurrogate.kernels.free_runs import free_run
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics import ODESimulator
 from sksurrogate.physics._model import PlantModel

@@ -9,7 +9,7 @@ from sksurrogate.gap import GapDiagnoser
 from sksurrogate.gap.fit._build import build_problem
 from sksurrogate.gap.screen._responses import Responses
 from sksurrogate.gap.screen._twins import twins
-from sksurrogate.kernels.output_error import free_run
+from sksurrogate.kernels.free_runs import free_run
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics import ClosedLoopSimulator, ODESimulator, StepSimulator
 from sksurrogate.physics._model import PlantModel

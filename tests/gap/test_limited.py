@@ -9,7 +9,7 @@ from sksurrogate.gap.fit._build import build_problem
 from sksurrogate.gap.fit._evidence import estimate_noise
 from sksurrogate.gap.fit._normal_equations import project_starts
 from sksurrogate.gap.screen._responses import Responses
-from sksurrogate.kernels.output_error import free_run
+from sksurrogate.kernels.free_runs import free_run
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics import ODESimulator
 from sksurrogate.physics._model import PlantModel

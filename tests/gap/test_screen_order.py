@@ -10,7 +10,7 @@ from sksurrogate.gap.fit._build import build_problem
 from sksurrogate.gap.fit._evidence import estimate_noise
 from sksurrogate.gap.screen._screen import screen
 from sksurrogate.gap.search._ode_search import OdeSearch
-from sksurrogate.kernels.output_error import linearise
+from sksurrogate.kernels.linearised import linearise
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics import ODESimulator
 from sksurrogate.physics._model import PlantModel

@@ -9,7 +9,7 @@ from sksurrogate.gap.fit import _ode
 from sksurrogate.gap.fit._build import build_problem
 from sksurrogate.gap.screen._responses import Responses
 from sksurrogate.gap.screen._screen import screen
-from sksurrogate.kernels import output_error
+from sksurrogate.kernels import damped_steps, output_error
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics import MuJoCoSimulator
 from sksurrogate.physics._model import PlantModel
@@ -47,7 +47,8 @@ def responses(null):
 @pytest.mark.parametrize("start, share", [(0.05, 0.5), (3.0, 0.8)])
 def test_slopes_serve_again_as_long_as_steps_keep_their_promise(monkeypatch, null, start, share):
     asked, slopes = [], output_error.linearise
-    monkeypatch.setattr(output_error, "linearise", lambda *given: asked.append(1) or slopes(*given))
+    for steps in (output_error, damped_steps):
+        monkeypatch.setattr(steps, "linearise", lambda *given: asked.append(1) or slopes(*given))
 
     def fitted():
         asked.clear()

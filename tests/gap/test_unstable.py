@@ -8,7 +8,7 @@ from sksurrogate.effects._model import AugmentedModel
 from sksurrogate.gap import GapDiagnoser
 from sksurrogate.gap.fit._record_parts import excerpt, run_folds
 from sksurrogate.gap.fit._unstable import followed_rows, in_pieces, piece_starts
-from sksurrogate.kernels.output_error import free_run
+from sksurrogate.kernels.free_runs import free_run
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics import ODESimulator
 from sksurrogate.physics._model import PlantModel

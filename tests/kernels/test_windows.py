@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sksurrogate.effects._model import AugmentedModel
-from sksurrogate.kernels import output_error
+from sksurrogate.kernels import damped_steps
 from sksurrogate.kernels.record import Record
 from sksurrogate.kernels.windows import SHORTEST_WINDOW, run_in_windows
 from sksurrogate.physics import ODESimulator, StepSimulator
@@ -128,8 +128,8 @@ def test_where_newton_fails_on_a_step_its_runs_close_in_windows_if_one_call_take
     runs = [simulator.simulate(flow, x0=[1.0]) for flow in flows]
     record = Record.from_runs(flows, runs, [0.1 * np.arange(n)] * 2, 0.1)
     model = AugmentedModel(PlantModel(describe(simulator)), (), (), record, n_sub=1, scale=np.ones(1))
-    monkeypatch.setattr(output_error, "close", lambda bound, x, *rest, **how: (x, False, 0))
-    fit = output_error._OutputError(model, np.ones(1), np.ones(0), (np.zeros(0), np.zeros(0)))
+    monkeypatch.setattr(damped_steps, "close", lambda bound, x, *rest, **how: (x, False, 0))
+    fit = damped_steps.DampedSteps(model, np.ones(1), np.ones(0), (np.zeros(0), np.zeros(0)))
     bound, x = model.bind(np.zeros((0, 1))), np.ones((1, 2 * n))
     bound(x[:, None])  # as Newton's method does
     asked.clear()

@@ -13,8 +13,8 @@ from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.fit._pushes import STEP_OF_SLOPES
 from sksurrogate.gap.fit._trajectory import TrajectoryCandidate
+from sksurrogate.kernels.free_runs import free_run
 from sksurrogate.kernels.linear_fit import linear_least_squares
-from sksurrogate.kernels.output_error import free_run
 from sksurrogate.kernels.record import Record
 
 #: Nats that part what is named from every tied candidate, by experiment.

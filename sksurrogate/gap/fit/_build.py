@@ -17,7 +17,7 @@ from sksurrogate.gap.fit._pushes import gain_of_forces
 from sksurrogate.gap.fit._simulations import Simulations, divergence
 from sksurrogate.gap.fit._trajectory import TrajectoryBackend
 from sksurrogate.kernels.banded import recursion_band
-from sksurrogate.kernels.output_error import free_run, run_near
+from sksurrogate.kernels.free_runs import free_run, run_near
 from sksurrogate.kernels.record import Record
 from sksurrogate.kernels.smoother import Smoothed, noise_of_differences, output_jacobian
 from sksurrogate.physics._model import PlantModel

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from sksurrogate.effects._model import AugmentedModel
-from sksurrogate.kernels.output_error import free_run
+from sksurrogate.kernels.free_runs import free_run
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics._model import PlantModel
 

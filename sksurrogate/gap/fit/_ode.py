@@ -23,7 +23,9 @@ from sksurrogate.gap.fit._pushes import REMEMBERED
 from sksurrogate.gap.fit._recent import recent_property
 from sksurrogate.kernels.arrow import Arrow
 from sksurrogate.kernels.disturbance import Disturbance, Noise
-from sksurrogate.kernels.output_error import Fit, Linearised, linearise, output_error, settle_hidden
+from sksurrogate.kernels.free_runs import settle_hidden
+from sksurrogate.kernels.linearised import Linearised, linearise
+from sksurrogate.kernels.output_error import Fit, output_error
 from sksurrogate.kernels.record import Record
 from sksurrogate.kernels.smoother import Smoothed, output_jacobian, smooth
 from sksurrogate.physics._model import PlantModel

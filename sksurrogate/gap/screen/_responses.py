@@ -31,7 +31,7 @@ from sksurrogate.gap.screen._hidden_path import hidden_paths
 from sksurrogate.gap.screen._sticking import slowed, sticks
 from sksurrogate.kernels.banded import solve_recursion
 from sksurrogate.kernels.limited import limited_recursion
-from sksurrogate.kernels.output_error import linearise
+from sksurrogate.kernels.linearised import linearise
 from sksurrogate.kernels.smoother import output_jacobian
 
 #: Relative error of a parameter by which the change of a unit is measured.

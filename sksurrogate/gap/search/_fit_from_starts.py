@@ -19,7 +19,8 @@ from sksurrogate.gap.screen._pairs import Pair
 from sksurrogate.gap.screen._screen import Start
 from sksurrogate.gap.screen._sticking import sticks_in
 from sksurrogate.gap.search._restart import line_searched
-from sksurrogate.kernels.output_error import Fit, run_near
+from sksurrogate.kernels.free_runs import run_near
+from sksurrogate.kernels.output_error import Fit
 
 #: A candidate whose screen leaves this many times more than the best's is not fitted.
 LEAVES_TOO_MUCH = 40.0

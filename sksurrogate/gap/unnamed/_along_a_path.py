@@ -9,7 +9,7 @@ import numpy as np
 from sksurrogate.gap.fit._linear_set import LinearSet
 from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.fit._pushes import STEP_OF_SLOPES
-from sksurrogate.kernels.output_error import settle_hidden
+from sksurrogate.kernels.free_runs import settle_hidden
 
 
 def as_regressors(candidate: OdeCandidate, x: np.ndarray) -> LinearSet[OdeCandidate]:

@@ -13,8 +13,8 @@ from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.fit._ode import OdeBackend, OdeCandidate
 from sksurrogate.gap.fit._pushes import REMEMBERED
 from sksurrogate.kernels.disturbance import Noise
+from sksurrogate.kernels.free_runs import settle_hidden
 from sksurrogate.kernels.noise_fit import fit_noise
-from sksurrogate.kernels.output_error import settle_hidden
 
 #: A free run that misses an output by more than this share of its deviation is further from the data than the readings are; the
 #: steps of a smoother need not bring it back.
