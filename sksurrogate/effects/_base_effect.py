@@ -84,6 +84,11 @@ class BaseEffect(PriorOdds, BaseEstimator):
         """Whether its memory, where it has one, begins every run at rest."""
         return True
 
+    @property
+    def settled_form(self) -> BaseEffect:
+        """The effect in a simulator, whose runs begin at rest."""
+        return self
+
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
         """Starting values, a tuple of all parameters each; empty where these data cannot show the effect (a limit at rest)."""
         return [tuple(parameter.null for parameter in self.parameters)]

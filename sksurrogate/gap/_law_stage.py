@@ -111,5 +111,11 @@ class LawStage(DiagnosisState[C]):
         some = None if self.acts_in is None else [list(self.acts_in)] * len(values)
         simulator = with_joined_inputs(plant.simulator) if problem.record.joined else plant.simulator
         return AugmentedSimulator(
-            simulator, list(named.effects), values, tuned or None, some, scale=scale, sharpness=problem.sharpness
+            simulator,
+            [effect.settled_form for effect in named.effects],
+            values,
+            tuned or None,
+            some,
+            scale=scale,
+            sharpness=problem.sharpness,
         )

@@ -38,7 +38,7 @@ def estimates(search: BaseSearch[C], final: Evidence[C], found: PartialResults, 
             EffectEstimate(
                 effect.name,
                 str(effect.location),
-                effect.variable,
+                effect.key[2],
                 float(found.parts.shares[i]) if found.parts.shares else float("nan"),
                 params,
                 ends,
@@ -127,7 +127,7 @@ def ranking(search: BaseSearch[C], final: Evidence[C]) -> Table:
         row: dict[str, Any] = {
             "name": effect.name,
             "location": effect.location,
-            "variable": effect.variable,
+            "variable": effect.key[2],
             "evidence": search.gain(fit) if fit is not None else float("nan"),
             "bar": search.threshold(len(effect.parameters)),
             "cost": fit.fit.cost if fit is not None else float("nan"),

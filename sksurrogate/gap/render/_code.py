@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from sksurrogate.effects._catalogue import CATALOGUE
+from sksurrogate.effects._hidden import HiddenRelaxation
 from sksurrogate.effects._onset import WINDOW
 from sksurrogate.effects._smooth import KINK_SHARPNESS
 from sksurrogate.gap.render._values import is_wrong_parameter, number
@@ -97,7 +98,7 @@ def _made(effect: EffectEstimate) -> str:
     """``CATALOGUE["name"](place, variable)``, within its window and from its start where it has one."""
     given = [repr(place) for place in (effect.location, effect.variable) if place is not None]
     given += [] if effect.before is None else [f"before={effect.before!r}"]
-    given += [] if effect.settled else ["settled=False"]
+    given += ["settled=False"] if not effect.settled and effect.name == HiddenRelaxation.name else []
     given += [f"corner={number(effect.corner, 12)}"] if effect.corner else []
     made = f'CATALOGUE["{effect.name}"]({", ".join(given)})'
     span = tuple(name for name in effect.params if name in WINDOW)

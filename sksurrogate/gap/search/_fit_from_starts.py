@@ -162,7 +162,7 @@ def best_starts(starts: Sequence[Start], n_white: int, n_forced: int, n_values: 
     if not starts:
         return []
     for start in starts:
-        by_effect.setdefault((*start.effect.key, start.effect.at_rest), []).append(start)
+        by_effect.setdefault((*start.effect.key, type(start.effect), start.effect.at_rest), []).append(start)
     for group in by_effect.values():
         group.sort(key=lambda s: (not s.evident, -s.white))
     white = first_places({key: max(s.white for s in group) for key, group in by_effect.items()}, n_white)
