@@ -80,14 +80,15 @@ def contenders(
 def elsewhere(search: OdeSearch, final: Evidence, own: Contender) -> list[tuple[frozenset, float]]:
     """Names of sets that differ by more than one effect in the place of one, and the nats by which they are likelier than what stands.
 
-    Data that show the sum of several effects may be explained as well by others. Sets that hold what stands, or are a part of it,
-    do not count; one that holds another form of the same law holds the name. Those that are as likely without a law are judged beside
+    Data that show the sum of several effects may be explained as well by others. Sets that hold what stands, or are a part of it, or
+    say it in more names, do not count; one that holds another form of the same law holds the name. Those that are as likely without a law are judged beside
     theirs, as what stands is. Where what stands leaves more than the noise, its forms are not exact, and the likelihood says too little of
     others that are as inexact: none counts.
     """
     if final.left > SETTLED:
         return []
-    keys, level, swapped = set(final.candidate.keys), search.evidence(final.candidate), swaps(search, final.candidate)
+    keys, level = set(final.candidate.keys), search.evidence(final.candidate)
+    swapped = [*swaps(search, final.candidate), *in_more_names(search, final)]
     likelier = {
         one: search.evidence(one) - level + _before(search, one) - own.before
         for one in _near(search, final)
@@ -100,6 +101,19 @@ def elsewhere(search: OdeSearch, final: Evidence, own: Contender) -> list[tuple[
         for beside in judged_contender(search, final, one, [own.law.name]):
             likelier[one] = beside.net - own.net
     return [(_held(one, final.candidate), nats) for one, nats in likelier.items()]
+
+
+def in_more_names(search: OdeSearch, final: Evidence) -> list[OdeCandidate]:
+    """Sets that say in more names what stands: these data cannot tell them apart, so the fewest names stand."""
+    named = set(final.candidate.keys)
+    more = (one for one in _near(search, final) if len(one.effects) > len(named) and not named <= set(one.keys))
+    return [one for one in more if nats_apart(one, final) < NATS_THAT_SETTLE]
+
+
+def nats_apart(one: OdeCandidate, final: Evidence) -> float:
+    """Nats by which the data would tell two predictions apart if one of them were right, under white noise of the sensors."""
+    apart = (one.residual - final.candidate.residual) / final.noise.sigma[:, None]
+    return float(0.5 * np.sum(apart**2))
 
 
 def _held(one: OdeCandidate, other: OdeCandidate) -> frozenset:

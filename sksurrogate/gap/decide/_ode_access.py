@@ -14,6 +14,7 @@ from sksurrogate.effects._base_effect import BaseEffect
 from sksurrogate.effects._catalogue import name_of
 from sksurrogate.effects._families import BalanceEffect, HiddenEffect
 from sksurrogate.gap.decide._access import BaseAccess
+from sksurrogate.gap.decide._contenders import in_more_names
 from sksurrogate.gap.decide._generic_correction import Correction, generic_correction, known_runs
 from sksurrogate.gap.decide._posterior import Posterior, law_left_beside, let_stand
 from sksurrogate.gap.decide._retuning import imitated_by_retuning
@@ -40,6 +41,7 @@ PIECES_NOTE = (
     "of them."
 )
 KINK_NOTE = "The kink of {name} is fitted as a smooth turn, about {width:.3g} wide in {variable} on each side."
+IN_MORE_NAMES = "These data cannot tell {others} together from {names}; the fewest names stand."
 
 
 def lost_places(names: Sequence[str]) -> list[str]:
@@ -64,6 +66,18 @@ def notes_on_kinks(candidate: OdeCandidate) -> list[str]:
         KINK_NOTE.format(name=name_of(effect), width=width, variable=effect.variable)
         for i, (effect, width) in enumerate(zip(candidate.effects, widths))
         if has_kink(effect, candidate.theta_of(i), width)
+    ]
+
+
+def notes_in_more_names(named: OdeCandidate, others: Sequence[OdeCandidate]) -> list[str]:
+    """Several names that do together what one or more of those named do; the first of the sets with the fewest."""
+    fewest = sorted(others, key=lambda one: len(one.effects))[:1]
+    return [
+        IN_MORE_NAMES.format(
+            names=" and ".join(name_of(e) for e in named.effects if e.key not in one.keys),
+            others=" and ".join(name_of(e) for e in one.effects if e.key not in named.keys),
+        )
+        for one in fewest
     ]
 
 
@@ -207,6 +221,7 @@ class OdeAccess(BaseAccess[OdeCandidate]):
         if verdict == "unknown" and rounding is not None:
             notes.append(GRID_NOTE.format(name=rounding.sensor, step=rounding.step))
         notes += notes_on_kinks(final.candidate)
+        notes += notes_in_more_names(final.candidate, in_more_names(self.search, final))
         notes += [*([self.other_unit] if self.other_unit and verdict != "none" else []), *self.pieces]
         some, whole = self.search.problem.record.n_samples, self.whole.n_samples
         return [*notes, PIECES_NOTE.format(some=some, whole=whole)] if whole > some else notes
