@@ -25,6 +25,7 @@ from sksurrogate.gap.fit._evidence import CERTAIN, Evidence
 from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.results._next_experiment import NATS_THAT_SETTLE
 from sksurrogate.gap.search._ode_search import OdeSearch
+from sksurrogate.gap.search._related_forms import simplify
 from sksurrogate.gap.search._stopping import closes_by_size, leaves_most
 from sksurrogate.gap.unnamed._along_a_path import without
 from sksurrogate.gap.unnamed._law_evidence import LawBeside, LawQuestion
@@ -121,7 +122,7 @@ def _likeliest(search: OdeSearch, final: Evidence, fallen: set[frozenset]) -> tu
             stood[frozenset(final.candidate.keys)] = final, replace(_of_classes(posterior, own, near), elsewhere=apart)
             best = preferred(own, [one for one in others if frozenset(one.candidate.keys) not in stood])
             if best is not own:
-                polished = search.polish(best.candidate)
+                polished = simplify(search, search.polish(best.candidate))
                 best = preferred(own, judged_contender(search, final, polished, [own.law.name]))
             if best is own:
                 return _sure_part(search, *stood[frozenset(final.candidate.keys)])
