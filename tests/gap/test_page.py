@@ -152,8 +152,10 @@ def test_a_missing_value_breaks_the_line():
 
 
 def test_bars_are_in_proportion():
-    widths = [float(w) for w in re.findall(r"width:([\d.]+)%", bars([("a", 2.0), ("b", 1.0), ("c", 0.0)]))]
-    assert widths == [100.0, 50.0, 0.3]
+    widths = [
+        float(w) for w in re.findall(r"width:([\d.]+)%", bars([("a", 2.0), ("b", 1.0), ("c", 0.0), ("d", 9.0)], 2.0))
+    ]
+    assert widths == [100.0, 50.0, 0.3, 100.0]  # the last is no help, and cut
 
 
 def test_a_constant_signal_has_an_axis():

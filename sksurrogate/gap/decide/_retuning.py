@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from sksurrogate.effects._base_effect import BaseEffect
+from sksurrogate.effects._catalogue import in_words
 from sksurrogate.gap.fit._closeness import MOST_LEFT
 from sksurrogate.gap.fit._known_parameters import value_of
 from sksurrogate.gap.fit._normal_equations import eliminate, project_starts
@@ -18,7 +19,7 @@ from sksurrogate.gap.screen._screen import Screen
 AT_BOUND = 1e-9
 #: What is said of parameters that close the gap, and where they would hide effects as large.
 RETUNED = "Re-tuning alone closes the gap."
-HIDES = " It would hide these effects. To separate them, measure parameters, or free fewer of them (free_params)."
+HIDES = " It would hide {effects}. To separate them, measure parameters, or free fewer of them (free_params)."
 
 
 def retuned_table(
@@ -64,6 +65,7 @@ def parameter_errors(
     The effects ``hidden`` by the re-tuning are equivalents of all of them together.
     """
     rows = [row for row in retuned if row["moved"]]
+    why = RETUNED + (HIDES.format(effects=" or ".join(in_words(*key) for key in hidden)) if hidden else "")
     out = []
     for row in rows:
         p0 = row["nominal"]
@@ -78,7 +80,7 @@ def parameter_errors(
                 {"relative_error": (min(ends), max(ends))},
                 1.0,
                 list(hidden),
-                RETUNED + HIDES if hidden else RETUNED,
+                why,
             )
         )
     return out

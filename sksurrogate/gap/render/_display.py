@@ -14,7 +14,7 @@ from sksurrogate.gap.render._budget import fills, listed_parts, part_name
 from sksurrogate.gap.render._curves import balance_axis
 from sksurrogate.gap.render._runs import fitted_name, near_readings, noise_of, worst_first
 from sksurrogate.gap.render._units import TIME, axis, range_text
-from sksurrogate.gap.render._waterfall import waterfall
+from sksurrogate.gap.render._waterfall import longest_bar, waterfall
 from sksurrogate.gap.results._report_data import ReportData
 from sksurrogate.gap.results._trace import Trace
 
@@ -150,7 +150,9 @@ class GapDisplay:
         bars = ax.barh([label for label, _ in rows], [value for _, value in rows], color="#0072b2")
         ax.bar_label(bars, fmt="%.3g", padding=3)
         ax.set(
-            xlabel="free-run RMSE / deviation of the output (held-out runs)", title=f"Verdict: {self.report.verdict}"
+            xlim=(0.0, 1.12 * longest_bar(rows)),
+            xlabel="free-run RMSE / deviation of the output (held-out runs)",
+            title=f"Verdict: {self.report.verdict}",
         )
         ax.margins(x=0.12)
 

@@ -28,7 +28,7 @@ from sksurrogate.gap.render._svg import bars
 from sksurrogate.gap.render._tables import explained
 from sksurrogate.gap.render._units import TIME, labelled, range_text, unit_column
 from sksurrogate.gap.render._values import effect_text
-from sksurrogate.gap.render._waterfall import CAPTION, closed, waterfall
+from sksurrogate.gap.render._waterfall import CAPTION, closed, longest_bar, waterfall
 from sksurrogate.gap.results._effect_estimate import EffectEstimate
 from sksurrogate.gap.results._missing_term import Curve, MissingTerm
 from sksurrogate.gap.results._report_data import ReportData
@@ -120,7 +120,7 @@ def _shrink(report: ReportData) -> str:
     if not rows:
         return ""
     caption = " ".join([f"{CAPTION}.", *closed(report)])
-    return f"<h2>How far the gap shrinks</h2><figure>{bars(rows)}<figcaption>{escape(caption)}</figcaption></figure>"
+    return f"<h2>How far the gap shrinks</h2><figure>{bars(rows, longest_bar(rows))}<figcaption>{escape(caption)}</figcaption></figure>"
 
 
 def _where(report: ReportData) -> str:

@@ -213,12 +213,11 @@ def _legend(panel: Panel, y: float, width: int) -> str:
     return "".join(out)
 
 
-def bars(rows: Sequence[tuple[str, float]]) -> str:
-    """Bars with their numbers, as plain boxes that flow with the page."""
-    longest = max([value for _, value in rows] + [1e-300])
+def bars(rows: Sequence[tuple[str, float]], longest: float) -> str:
+    """Bars with their numbers, as plain boxes that flow with the page; what is longer than the longest is cut at the edge."""
     out = []
     for label, value in rows:
-        share = 100 * value / longest
+        share = min(100 * value / longest, 100.0)
         out.append(
             f'<div class="row"><span class="name">{escape(label)}</span><span class="rail">'
             f'<span class="bar" style="width:{max(share, 0.3):.1f}%"></span></span><span class="size">{value:.3g}</span></div>'

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import textwrap
+from itertools import chain
 
 from sksurrogate.gap.render._budget import budget_lines
 from sksurrogate.gap.render._headline import changes, headline, next_steps, not_identified, related_forms
@@ -12,7 +13,7 @@ from sksurrogate.gap.render._record import record_lines
 from sksurrogate.gap.render._tables import grid
 from sksurrogate.gap.render._units import TIME, labelled, range_text, unit_column
 from sksurrogate.gap.render._values import percent
-from sksurrogate.gap.render._waterfall import CAPTION, closed, waterfall
+from sksurrogate.gap.render._waterfall import CAPTION, closed, longest_bar, waterfall
 from sksurrogate.gap.results._report_data import ReportData
 
 #: Rows of a table of where or when.
@@ -51,10 +52,9 @@ def _changes(report: ReportData, width: int) -> list[str]:
     for what, values, sure in changes(report):
         lines += textwrap.wrap(f"- {what}" + (f": {sure}" if sure else ""), width, subsequent_indent="  ")
         lines += [f"    {value}" for value in values]
-    for effect in report.effects:
-        others = not_identified(effect)
-        for text in [*([effect.why] if others else []), *related_forms(effect)]:
-            lines += textwrap.wrap(text, width, initial_indent="  ", subsequent_indent="  ")
+    said = [[effect.why] * bool(not_identified(effect)) + related_forms(effect) for effect in report.effects]
+    for text in dict.fromkeys(chain.from_iterable(said)):
+        lines += textwrap.wrap(text, width, initial_indent="  ", subsequent_indent="  ")
     return lines
 
 
@@ -72,9 +72,10 @@ def _errors(report: ReportData) -> list[str]:
     if not rows:
         return []
     width = max(len(label) for label, _ in rows)
-    longest = max([value for _, value in rows] + [1e-300])
-    lines = [CAPTION]
-    lines += [f"  {label:<{width}} {value:9.4g}  {'#' * round(30 * value / longest)}".rstrip() for label, value in rows]
+    longest, lines = longest_bar(rows), [CAPTION]
+    for label, value in rows:
+        bar = "#" * round(30 * min(value / longest, 1.0)) + ">" * (value > longest)
+        lines.append(f"  {label:<{width}} {value:9.4g}  {bar}".rstrip())
     return [*lines, *(f"  {line}" for line in closed(report))]
 
 

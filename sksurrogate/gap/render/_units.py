@@ -72,12 +72,17 @@ def parameter_unit(effect: EffectEstimate, parameter: str, units: Mapping[str, s
     >>> drag = EffectEstimate("quadratic_drag", "speed", "speed", 1.0, {"coefficient": 0.1}, {}, 1.0)
     >>> parameter_unit(drag, "coefficient", {"speed": "m/s", "time": "s"})
     '1/m'
+    >>> decay = EffectEstimate("linear_loss", "biomass", "biomass", 1.0, {"coefficient": 0.1}, {}, 1.0)
+    >>> parameter_unit(decay, "coefficient", {"time": "h"})
+    '1/h'
     """
     known = {p.name: p.unit for p in CATALOGUE[effect.name].parameters} if effect.name in CATALOGUE else {}
     form = known.get(parameter, "")
     v = reduce(times, (units.get(name, "") for name in (effect.variable or "").split("*")))
     own = units.get(effect.location, "")
     force = own if effect.at_port else over(own, units.get(TIME, ""))
+    if form == "dx/dt over v" and effect.variable == effect.location and not effect.at_port:
+        return over("1", units.get(TIME, ""))  # whatever the unit of the state
     letters = {
         "x": own, "u": own, "y": own, "v": v, "dx/dt": force, "time": units.get(TIME, ""),
         "radian": "rad", "1": "1", "v w": v, "v^2": to_power(v, 2), "v^3": to_power(v, 3),

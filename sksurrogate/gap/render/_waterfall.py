@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from sksurrogate.gap.render._values import percent
@@ -34,6 +36,15 @@ def waterfall(report: ReportData) -> list[tuple[str, float]]:
         ("noise", s.floor),
     ]
     return [(label, float(value)) for label, value in rows if np.isfinite(value)]
+
+
+def longest_bar(rows: Sequence[tuple[str, float]]) -> float:
+    """The error that a full bar stands for: the largest of those that are no worse than the simulator's, which comes first.
+
+    >>> longest_bar([("simulator", 0.4), ("generic correction (no help)", 6.0), ("noise", 0.1)])
+    0.4
+    """
+    return max(max(value for _, value in rows if value <= rows[0][1]), 1e-300)
 
 
 def closed(report: ReportData) -> list[str]:
