@@ -46,7 +46,8 @@ class EffectEstimate:
     corner : float
         Of an actuator with a limit: how it bends there, from 0, a corner, to 1, ``tanh``.
     settled : bool
-        Whether its memory began every run at rest. False for a relaxation that the diagnosis found elsewhere; ``augmented_`` begins it at rest.
+        Whether its memory began every run at rest. False for a relaxation, or the lag of an input, that the diagnosis found elsewhere;
+        ``augmented_`` begins it at rest.
 
     Examples
     --------
