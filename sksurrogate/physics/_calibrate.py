@@ -23,28 +23,21 @@ from sksurrogate.exceptions import DataError, SimulatorError
 from sksurrogate.kernels.free_runs import free_run
 from sksurrogate.kernels.heap import keep_freed_memory
 from sksurrogate.kernels.linearised import linearise
-from sksurrogate.kernels.output_error import Fit, output_error
 from sksurrogate.kernels.record import Record
 from sksurrogate.kernels.smoother import noise_of_differences
-from sksurrogate.physics._asked import asked_bounds, asked_names, asked_priors, initial_states, nominal_values
-from sksurrogate.physics._coarse_start import coarse_start
+from sksurrogate.physics._asked import initial_states
 from sksurrogate.physics._fit_model import FitModel
-from sksurrogate.physics._intervals import uncertainty_of
+from sksurrogate.physics._free_parameters import FreeParameters
+from sksurrogate.physics._intervals import Uncertainty, uncertainty_of
+from sksurrogate.physics._lifted_fit import lifted_fit
 from sksurrogate.physics._model import PlantModel
 from sksurrogate.physics._not_finite import not_finite_along
-from sksurrogate.physics._prepare import prepared
-from sksurrogate.physics._prior import Prior, weighed
+from sksurrogate.physics._prior import weighed
 from sksurrogate.physics._simulator import Plant, describe, simulated
 from sksurrogate.runs import Run, Runs, resolve_runs
 
-#: Squared residuals, in units of the noise, above which single shooting is tried as well.
-_POOR = 4.0
-#: Open steps converge quadratically: after one that moves by less than this share, the next would change nothing.
-_CALIBRATION_SETTLED = 3e-2
-#: Slopes serve again after a step by less than this share.
-_SLOPES_SERVE = 2e-2
-#: Dampings of a step before the descent ends, each ten times the last.
-_TRIES = 12
+#: Parts of a direction that the data do not fix below which they are not told.
+LEAST_PART = 1e-3
 #: Runge-Kutta steps of a prediction from stamp to stamp, a sample.
 STEPS_AT_STAMPS = 8
 
@@ -175,66 +168,67 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
         DataError
             X or y do not keep the data convention; ``bounds`` or ``priors`` name what is not fitted, or hold no such numbers.
         """
-        if y is None:
-            raise DataError(
-                "CalibratedSimulator requires y to be passed, but the target y is None: y is missing, the measured outputs that "
-                "the simulator is fitted to; give fit(X, y)."
-            )
-        if getattr(y, "shape", ())[1:] == (1,) and not self.__sklearn_tags__().target_tags.multi_output:
-            warnings.warn(
-                "A column-vector y was passed when a 1d array was expected: the simulator has one output, give y[:, 0].",
-                DataConversionWarning,
-                stacklevel=2,
-            )
+        self._check_shape(y)
         runs = self._resolve(X, y, groups, reset=True)
         plant = describe(self.simulator, n_inputs=runs[0].X.shape[1], n_outputs=runs[0].y.shape[1], dt=runs.dt)
-        names = asked_names(plant, self.params)
+        free = FreeParameters.of(plant, self.params, self.bounds, self.priors)
         runs, uneven, first = self._from_stamp_to_stamp(runs, plant)
         record = Record.from_runs([r.X for r in runs], [r.y for r in runs], [r.t for r in runs], plant.dt, None, uneven)
         starts = initial_states(plant, x0, len(runs))
-        theta = nominal_values(plant, names)
-        low, high = asked_bounds(self.bounds, names)
-        prior = Prior.of(asked_priors(self.priors, dict(zip(names, theta.tolist()))), names)
-        theta = np.clip(theta, low, high)
-        unit = np.where(theta != 0, np.abs(theta), 1.0)
         keep_freed_memory()
         with np.errstate(all="ignore"):
             sd = noise_of_differences(record.y, record.starts, record.known, record.t)
-            model, fit, self.method_ = self._fitted(
-                PlantModel(plant), record, sd, names, theta, unit, (low, high), starts, x0 is not None, prior
+            found = lifted_fit(
+                PlantModel(plant),
+                record,
+                sd,
+                free,
+                starts,
+                x0 is not None,
+                max_steps=self.max_iter,
+                fit_start=self.fit_x0,
             )
-            if fit is None:
+            if found.fit is None:
                 place = not_finite_along(PlantModel(plant), record, [run.label for run in runs])
                 raise SimulatorError(
-                    f"no finite free run was found near params={dict(zip(names, theta.tolist()))}: give starting values nearer "
+                    f"no finite free run was found near params={free.started}: give starting values nearer "
                     f"to the plant (set_params(params__name=...)), bounds, or x0{': ' + place if place else '.'}"
                 )
-            fit, prior = weighed(model, fit, sd, prior, unit, (low, high), self.fit_x0)
-            lin = fit.linearised or linearise(model, fit.theta, fit.x, unit)
-        self.params_ = {name: float(value) for name, value in zip(names, fit.theta)}
-        self.x0_ = fit.x[:, record.starts[first]].T.copy()
+            for what in found.said:
+                _warn(what)
+            fit, prior = weighed(found.model, found.fit, sd, free.prior, free.unit, free.bounds, self.fit_x0)
+            lin = fit.linearised or linearise(found.model, fit.theta, fit.x, free.unit)
         residual = record.residual(fit.y)
-        if names and _worse_than_constant(record, residual, sd):
-            warnings.warn(
-                "the fitted free run is much farther from y than the mean of y: give starting values nearer to the plant, bounds, or x0.",
-                ConvergenceWarning,
-                stacklevel=2,
+        if free.names and _worse_than_constant(record, residual, sd):
+            _warn(
+                "the fitted free run is much farther from y than the mean of y: give starting values nearer to the plant, bounds, or x0."
             )
+        self.method_, self.n_iter_, self.converged_ = found.method, fit.n_iterations, fit.converged
+        self.params_ = {name: float(value) for name, value in zip(free.names, fit.theta)}
+        self.x0_ = fit.x[:, record.starts[first]].T.copy()
         self.noise_ = record.rms(residual)
-        self.n_iter_, self.converged_ = fit.n_iterations, fit.converged
-        at_bound = ((fit.theta <= low) | (fit.theta >= high)) & (low < high)
-        self.at_bound_ = {name: bool(flag) for name, flag in zip(names, at_bound)}
+        at_bound = free.at_bound(fit.theta)
+        self.at_bound_ = {name: bool(flag) for name, flag in zip(free.names, at_bound)}
         J_x = lin.J_x if self.fit_x0 else lin.J_x[:, :0]
         held = prior.precision, record.known
-        found = uncertainty_of(lin.J_theta, J_x, residual, sd, record.starts, unit, self.confidence, at_bound, *held)
-        self.covariance_ = found.covariance
-        ends = np.clip(fit.theta - found.width, low, high), np.clip(fit.theta + found.width, low, high)
-        self.intervals_ = {name: (float(a), float(b)) for name, a, b in zip(names, *ends)}
-        self.identifiable_ = {name: not bool(flag) for name, flag in zip(names, found.loose)}
-        self.unidentified_ = [{n: float(v) for n, v in zip(names, row) if abs(v) > 1e-3} for row in found.null]
+        self._set_uncertainty(
+            free,
+            fit.theta,
+            uncertainty_of(lin.J_theta, J_x, residual, sd, record.starts, free.unit, self.confidence, at_bound, *held),
+        )
         self.simulator_ = clone(self.simulator).set_params(**{f"params__{k}": v for k, v in self.params_.items()})
         self.y_is_1d_ = runs.y_is_1d
         return self
+
+    def _set_uncertainty(self, free: FreeParameters, theta: np.ndarray, found: Uncertainty) -> None:
+        """Covariance, intervals, and what the data do not fix."""
+        self.covariance_ = found.covariance
+        ends = np.clip(theta - found.width, *free.bounds), np.clip(theta + found.width, *free.bounds)
+        self.intervals_ = {name: (float(a), float(b)) for name, a, b in zip(free.names, *ends)}
+        self.identifiable_ = {name: not bool(flag) for name, flag in zip(free.names, found.loose)}
+        self.unidentified_ = [
+            {name: float(v) for name, v in zip(free.names, row) if abs(v) > LEAST_PART} for row in found.null
+        ]
 
     def predict(self, X: Any, y0: Any = None, groups: Any = None, x0: Any = None) -> np.ndarray:
         """Free run with the fitted parameters.
@@ -293,6 +287,20 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
         return float(np.mean(each))
 
     # ---- parts ------------------------------------------------------------------------------------------------------
+    def _check_shape(self, y: Any) -> None:
+        """Outputs there must be; of one output scikit-learn asks for one dimension."""
+        if y is None:
+            raise DataError(
+                "CalibratedSimulator requires y to be passed, but the target y is None: y is missing, the measured outputs that "
+                "the simulator is fitted to; give fit(X, y)."
+            )
+        if getattr(y, "shape", ())[1:] == (1,) and not self.__sklearn_tags__().target_tags.multi_output:
+            warnings.warn(
+                "A column-vector y was passed when a 1d array was expected: the simulator has one output, give y[:, 0].",
+                DataConversionWarning,
+                stacklevel=4,
+            )
+
     def __sklearn_tags__(self) -> Any:
         tags = super().__sklearn_tags__()
         outputs = getattr(self.simulator, "outputs", None)
@@ -349,51 +357,10 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
             )
         return runs, uneven, first
 
-    def _fitted(
-        self, inner: PlantModel, record: Record, sd: np.ndarray, names: list[str], theta: np.ndarray, unit: np.ndarray,
-        bounds: tuple, starts: np.ndarray, given: bool, prior: Prior,
-    ) -> tuple[FitModel, Fit | None, str]:  # fmt: skip
-        """The lifted fit, started on thinned data where there are many, and single shooting where it fails."""
-        options: dict[str, Any] = {
-            "unit": unit,
-            "bounds": bounds,
-            "max_steps": self.max_iter,
-            "fit_start": self.fit_x0,
-            "settled": _CALIBRATION_SETTLED,
-            "tries": _TRIES,
-            "reach": 10.0,
-            "near": _SLOPES_SERVE,
-            **prior.options,
-        }
-        started = coarse_start(inner, record, sd, names, theta, starts, given, options)
-        if started is not None:
-            model, near, x = started
-            fit = output_error(model, near, x, sd, open_steps=6, **options)
-            if fit is not None and fit.converged and fit.cost < _POOR * record.n_values:
-                return model, fit, "lifted"
-        model, x = prepared(inner, record, sd, names, theta, starts, given, self.fit_x0)
-        if model.stiff:  # a parameter that nothing fixes must not carry a stiff plant off
-            options["reach"] = 0.7
-        fit = output_error(model, theta, x, sd, open_steps=0 if model.stiff else 6, **options)
-        if fit is not None and fit.converged and fit.cost < _POOR * record.n_values:
-            return model, fit, "lifted"
-        shot = free_run(model, theta, starts.T)
-        other = output_error(model, theta, shot, sd, open_steps=0, **options) if np.all(np.isfinite(shot)) else None
-        if other is not None and (fit is None or not fit.converged or other.cost < 0.99 * fit.cost):
-            why = "ended in a poor optimum" if fit is not None and fit.converged else "did not converge"
-            self._warn(f"the lifted fit {why}; parameters are those of single shooting.")
-            fit, method = other, "single shooting"
-        else:
-            method = "lifted"
-        if fit is not None and not fit.converged:
-            self._warn(
-                f"the fit stopped after {fit.n_iterations} iterations without converging: raise max_iter, or start nearer."
-            )
-        return model, fit, method
 
-    def _warn(self, what: str) -> None:
-        """A warning that points to the line that called ``fit``."""
-        warnings.warn(what, ConvergenceWarning, stacklevel=5)
+def _warn(what: str) -> None:
+    """A warning that points to the line that called ``fit``."""
+    warnings.warn(what, ConvergenceWarning, stacklevel=4)
 
 
 def _worse_than_constant(record: Record, residual: np.ndarray, sd: np.ndarray) -> bool:

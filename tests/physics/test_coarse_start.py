@@ -61,11 +61,11 @@ def test_a_long_record_begun_thinned_ends_where_it_would_at_once(monkeypatch, ev
     started = []
     quick = coarse.coarse_start
     monkeypatch.setattr(
-        "sksurrogate.physics._calibrate.coarse_start", lambda *a: started.append(quick(*a) is not None) or quick(*a)
+        "sksurrogate.physics._lifted_fit.coarse_start", lambda *a: started.append(quick(*a) is not None) or quick(*a)
     )
     short = model.fit(X, y, groups=groups)
     found, ends = short.params_, short.intervals_
-    monkeypatch.setattr("sksurrogate.physics._calibrate.coarse_start", lambda *a: None)
+    monkeypatch.setattr("sksurrogate.physics._lifted_fit.coarse_start", lambda *a: None)
     at_once = model.fit(X, y, groups=groups)
     assert started == [True]
     for name, value in at_once.params_.items():
