@@ -10,7 +10,8 @@ import sys
 import tempfile
 import textwrap
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -254,7 +255,6 @@ def _why(error: Exception) -> str:
 def _diagnose(arguments: argparse.Namespace) -> int:
     from sklearn.base import clone
 
-    from sksurrogate.effects._store import augmented_text, save_augmented
     from sksurrogate.gap import GapDiagnoser
     from sksurrogate.physics._simulator import describe, units_of
 
@@ -280,16 +280,28 @@ def _diagnose(arguments: argparse.Namespace) -> int:
         random_state=arguments.seed,
         **knowledge_of(arguments),
     )
+    # what a simulator prints is no part of the report
+    with (
+        _in_words_of_the_command(arguments, diagnoser.time),
+        printed_as_errors(bar=not arguments.quiet),
+        warnings.catch_warnings(),
+    ):
+        warnings.showwarning = _warned
+        with warned_once():
+            _say_swapped(simulator, X, y, labels, plant)
+            diagnoser.fit(timed, y, groups=labels)
+    arguments.known = True
+    return _handed_over(_with_command(diagnoser.report_, arguments), diagnoser.augmented_, arguments)
+
+
+@contextmanager
+def _in_words_of_the_command(arguments: argparse.Namespace, clock: Any) -> Iterator[None]:
+    """Errors that name the option of the column of time, by its place ``clock``, the file of a row, and the file of the simulator."""
     try:
-        # what a simulator prints is no part of the report
-        with printed_as_errors(bar=not arguments.quiet), warnings.catch_warnings():
-            warnings.showwarning = _warned
-            with warned_once():
-                _say_swapped(simulator, X, y, labels, plant)
-                diagnoser.fit(timed, y, groups=labels)
+        yield
     except DataError as error:
         time = f"--time {arguments.time}" if arguments.time else "time"
-        said = str(error).replace(f"time={X.shape[1]}", time) if clock is not None else str(error)
+        said = str(error) if clock is None else str(error).replace(f"time={clock}", time)
         if "row" not in said or is_log(arguments.data):
             raise type(error)(said) from None
         raise type(error)(f"{said} Row 0 is the first line below the header of {arguments.data}.") from None
@@ -297,8 +309,13 @@ def _diagnose(arguments: argparse.Namespace) -> int:
         if (failure := failure_of(error, arguments.simulator, arguments.data)) is None:
             raise
         raise SimulatorError(failure) from error
-    report, better = _with_command(diagnoser.report_, arguments), diagnoser.augmented_
-    arguments.known, notes = True, {"verdict": report.verdict, "complete": report.complete}
+
+
+def _handed_over(report: Any, better: Any, arguments: argparse.Namespace) -> int:
+    """The report in the files and on the terminal as asked for, and the exit status."""
+    from sksurrogate.effects._store import augmented_text, save_augmented
+
+    notes = {"verdict": report.verdict, "complete": report.complete}
     saved, safe = _written("augmented simulator", arguments.save, lambda path: save_augmented(better, path, **notes))
     page, whole = _written("page", arguments.html, report.to_html)
     if arguments.json == "-":

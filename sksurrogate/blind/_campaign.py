@@ -106,15 +106,10 @@ def run_blind_check(
     >>> result = run_blind_check(1, "none", seed=3)  # doctest: +SKIP
     """
     names = _arms(arms)
-    _options(cases, n_jobs, follow_up, resume, record, limit)
+    _options(cases, n_jobs, follow_up, resume, record, limit, diagnosis)
     if record != "complete" and set(names) & set(ROBOT_ARMS):
         raise SurrogateError(
             f"record={record!r}: robots are recorded complete; leave {sorted(set(names) & set(ROBOT_ARMS))} out."
-        )
-    module, _, function = str(diagnosis).partition(":")
-    if not all(part.isidentifier() for part in [*module.split("."), function]):
-        raise SurrogateError(
-            f"diagnosis={diagnosis!r}: write module:function of a module that can be imported, no path."
         )
     plant = runs = None
     if simulator is not None:
@@ -123,13 +118,7 @@ def run_blind_check(
     if simulator is not None and resume is not None:
         own = fingerprint((simulator, X, groups, input_ranges, x0_spread), "with resume=, simulator")
     rows = [row for row in stored_rows(resume) if _belongs(row, diagnosis, own, record)]
-    wanted = [(names[k % len(names)], k // len(names)) for k in range(int(cases))]
-    if seed is None:
-        have = {arm: sum(row["arm"] == arm for row in rows) for arm in names}
-        todo: list[tuple[str, int | None]] = [(arm, None) for arm, k in wanted if k >= have[arm]]
-    else:
-        known = {(row["arm"], row["seed"]) for row in rows}
-        todo = [(arm, s) for arm, k in wanted if (arm, s := _entropy(seed, k)) not in known]
+    todo = _not_asked(names, int(cases), rows, seed)
     jobs = ((arm, entropy, plant, runs, diagnosis, limit, follow_up, verbose, record) for arm, entropy in todo)
     complete = True
     try:
@@ -147,8 +136,25 @@ def run_blind_check(
     return BlindResult(tuple(row for row in rows if row["arm"] in names), complete)
 
 
-def _options(cases: Any, n_jobs: Any, follow_up: Any, resume: Any, record: Any, limit: Any) -> None:
+def _not_asked(
+    names: Sequence[str], cases: int, rows: Sequence[dict[str, Any]], seed: int | None
+) -> list[tuple[str, int | None]]:
+    """Arm and entropy of the cases that no row answers, the arms in turn; without a seed as many of each arm as are missing."""
+    wanted = [(names[k % len(names)], k // len(names)) for k in range(cases)]
+    if seed is None:
+        have = {arm: sum(row["arm"] == arm for row in rows) for arm in names}
+        return [(arm, None) for arm, k in wanted if k >= have[arm]]
+    known = {(row["arm"], row["seed"]) for row in rows}
+    return [(arm, s) for arm, k in wanted if (arm, s := _entropy(seed, k)) not in known]
+
+
+def _options(cases: Any, n_jobs: Any, follow_up: Any, resume: Any, record: Any, limit: Any, diagnosis: Any) -> None:
     """Refuse what cannot be done before anything is drawn."""
+    module, _, function = str(diagnosis).partition(":")
+    if not all(part.isidentifier() for part in [*module.split("."), function]):
+        raise SurrogateError(
+            f"diagnosis={diagnosis!r}: write module:function of a module that can be imported, no path."
+        )
     if record not in RECORDS:
         raise SurrogateError(f"record={record!r} is unknown; use one of {list(RECORDS)}.")
     if not (isinstance(cases, (int, np.integer)) and cases >= 1):
