@@ -32,6 +32,7 @@ import physical_plants_starts  # noqa: F401
 import physical_plants_trades  # noqa: F401
 import physical_plants_utilities  # noqa: F401
 import physical_plants_vehicles  # noqa: F401
+import physical_plants_workshop  # noqa: F401
 from physical_plants import CASES, KW
 
 from sksurrogate.gap import GapDiagnoser
