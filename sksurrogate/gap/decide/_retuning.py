@@ -12,6 +12,7 @@ from sksurrogate.gap.fit._closeness import MOST_LEFT
 from sksurrogate.gap.fit._known_parameters import value_of
 from sksurrogate.gap.fit._normal_equations import eliminate, project_starts
 from sksurrogate.gap.results._effect_estimate import EffectEstimate
+from sksurrogate.gap.results._next_experiment import first_of
 from sksurrogate.gap.results._table import Table
 from sksurrogate.gap.screen._screen import Screen
 
@@ -19,7 +20,7 @@ from sksurrogate.gap.screen._screen import Screen
 AT_BOUND = 1e-9
 #: What is said of parameters that close the gap, and where they would hide effects as large.
 RETUNED = "Re-tuning alone closes the gap."
-HIDES = " It would hide {effects}. To separate them, measure parameters, or free fewer of them (free_params)."
+HIDES = " It would hide effects as large: {effects}. To separate them, measure parameters, or free fewer of them (free_params)."
 
 
 def retuned_table(
@@ -65,7 +66,7 @@ def parameter_errors(
     The effects ``hidden`` by the re-tuning are equivalents of all of them together.
     """
     rows = [row for row in retuned if row["moved"]]
-    why = RETUNED + (HIDES.format(effects=" or ".join(in_words(*key) for key in hidden)) if hidden else "")
+    why = RETUNED + (HIDES.format(effects=first_of([in_words(*key) for key in hidden])) if hidden else "")
     out = []
     for row in rows:
         p0 = row["nominal"]

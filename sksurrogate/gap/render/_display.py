@@ -146,11 +146,12 @@ class GapDisplay:
         ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.35), ncols=2, frameon=False)
 
     def _waterfall(self, ax: Any) -> None:
-        rows = waterfall(self.report)[::-1]
-        bars = ax.barh([label for label, _ in rows], [value for _, value in rows], color="#0072b2")
-        ax.bar_label(bars, fmt="%.3g", padding=3)
+        rows = waterfall(self.report)
+        longest = longest_bar(rows)
+        bars = ax.barh([label for label, _ in rows], [min(value, longest) for _, value in rows], color="#0072b2")
+        ax.bar_label(bars, labels=[f"{value:.3g}" for _, value in rows], padding=3)
+        ax.invert_yaxis()
         ax.set(
-            xlim=(0.0, 1.12 * longest_bar(rows)),
             xlabel="free-run RMSE / deviation of the output (held-out runs)",
             title=f"Verdict: {self.report.verdict}",
         )
