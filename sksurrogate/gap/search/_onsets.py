@@ -18,6 +18,7 @@ from sksurrogate.gap.screen._screen import Screen, grown, grows
 from sksurrogate.gap.search._base import Wanted
 from sksurrogate.gap.search._expander import Expander
 from sksurrogate.gap.search._nested import richer
+from sksurrogate.gap.search._related_forms import as_good
 from sksurrogate.gap.search._stopping import grows_in_vain, in_vain_from
 from sksurrogate.kernels.record import ages_of
 
@@ -175,6 +176,22 @@ def _promising(base: OdeCandidate, about: Screen, search: Expander, most: float)
     return {one.key: one for one in windows}
 
 
+def always_there(search: Expander, candidate: OdeCandidate) -> OdeCandidate:
+    """A set without the windows that it does not need, fitted from where it stands: in a window an effect may have found its values."""
+    for i, effect in enumerate(candidate.effects):
+        plain = [e for e in search.library if isinstance(effect, Starting) and e.key == effect.key[:-1]]
+        base = search.without(candidate, i) if plain else None
+        if base is None:
+            continue
+        values = np.asarray(effect.own(candidate.theta_of(i)))  # type: ignore[attr-defined]
+        other = search.with_effect(base, plain[0], values, candidate.path)
+        for one in search.ranked([other], base) if other is not None else ():
+            fitted = search.polish(one)
+            if as_good(search, fitted, candidate):
+                return always_there(search, fitted)
+    return candidate
+
+
 def look_for_onsets(search: Expander) -> None:
     """Where what stands leaves something, or takes several names: the best effects in windows of time in its place.
 
@@ -203,7 +220,7 @@ def look_for_onsets(search: Expander) -> None:
     if not trial:
         return
     n_windows = sum(len(WINDOW_SHARES if len(one.span) > 1 else EDGE_SHARES) for one in windowed.values())
-    top = search.best_polished(trial)
+    top = always_there(search, search.best_polished(trial))
     stands = final.candidate
     worth = search.order([top, stands])
     price = 0.0 if fewer_with_a_time(top, stands) else CERTAIN + 2.0 * np.log(n_windows)
