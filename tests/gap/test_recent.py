@@ -11,7 +11,7 @@ from sksurrogate.effects import CATALOGUE, AugmentedSimulator
 from sksurrogate.gap import GapDiagnoser
 from sksurrogate.gap.fit._normal_equations import eliminate, project_starts
 from sksurrogate.gap.fit._recent import recent_property
-from sksurrogate.gap.screen._pairs import _Columns, beside, best_pairs, first_pairs
+from sksurrogate.gap.screen._pairs import _Columns, beside, best_pairs
 from sksurrogate.gap.screen._screen import Screen, Start
 from sksurrogate.physics import ODESimulator
 
@@ -97,15 +97,6 @@ def test_the_pair_that_makes_the_residual_is_the_best():
     first, second, _ = best_pairs(screen_of(), 3)[0]
     assert {first.effect.name, second.effect.name} == {"quadratic_drag", "cubic_stiffness"}
     assert sorted(round(float(start.theta[0]), 1) for start in (first, second)) != [1.0, 1.0]
-
-
-def test_twins_share_a_place_among_pairs_and_leave_places_to_others():
-    """Three twins of one column, each as good beside an effect as the others: they took every place that this effect has."""
-    drop = np.full((7, 7), -np.inf)
-    drop[0, 1:4] = 9.0 * (1.0 + 1e-7 * np.arange(3))
-    drop[0, 4:] = 8.0, 7.0, 6.0
-    drop[5, 6] = 5.0
-    assert first_pairs(drop, 4) == [(0, 3), (0, 2), (0, 1), (0, 4), (0, 5), (5, 6)]
 
 
 def test_two_that_cancel_are_seen_beside_another_effect():

@@ -12,10 +12,8 @@ from sksurrogate.effects._base_effect import BaseEffect
 from sksurrogate.gap.fit._normal_equations import eliminate_rows, inverse, project_in_place, start_bases
 from sksurrogate.gap.screen._screen import Screen, Start, grown, grows
 
-#: Places with one effect in common, and pairs that share a place.
+#: Pairs with one effect in common.
 MOST_WITH_ONE = 3
-#: Pairs share a place where their drops differ by less than this share: their columns, in single precision, are alike.
-SAME_DROP = 1e-4
 #: Columns that are paired with one another: the work grows with their square.
 MOST_PAIRED = 1500
 #: Columns closer than this (cosine) are one column.
@@ -38,8 +36,8 @@ class Pair(NamedTuple):
 def best_pairs(screen: Screen, most: int) -> list[Pair]:
     """The pairs of effects whose columns together remove most of the residual, each pair at its best starting values.
 
-    ``most``: number of places (see :func:`first_pairs`).
-    Returns best first. None about a path that left the finite numbers.
+    ``most``: number of pairs.
+    Returns best first; no effect stands in more than :data:`MOST_WITH_ONE` of them. None about a path that left the finite numbers.
     """
     keys = list(dict.fromkeys(start.effect.key for start in screen.starts))
     if len(keys) < 2 or screen.columns is None or not np.isfinite(screen.known).all():
@@ -53,39 +51,21 @@ def best_pairs(screen: Screen, most: int) -> list[Pair]:
     best = np.full((len(keys), len(keys)), -np.inf)
     for i, mine in enumerate(of_key):
         np.maximum.at(best[i], owner, columns.with_all(mine)[0].max(axis=0))
+    first, second = np.triu_indices(len(keys), 1)
+    order = np.argsort(-best[first, second], kind="stable")
+    used = np.zeros(len(keys), int)
     out: list[Pair] = []
-    for i, j in first_pairs(best, most):
+    for i, j in zip(first[order], second[order]):
+        if len(out) == most or not np.isfinite(best[i, j]):
+            break
+        if max(used[i], used[j]) >= MOST_WITH_ONE:
+            continue
+        used[[i, j]] += 1
         mine, other = of_key[i], of_key[j]
         drop, a, b = (values[:, other] for values in columns.with_all(mine))
         p, q = np.unravel_index(np.argmax(drop), drop.shape)
         out.append(Pair(_at(screen, mine[p], a[p, q]), _at(screen, other[q], b[p, q]), float(drop[p, q])))
     return out
-
-
-def first_pairs(drop: np.ndarray, most: int) -> list[tuple[int, int]]:
-    """Rows and columns of the largest drops above the diagonal, in ``most`` places, best first.
-
-    Pairs whose drops are the same, as those of twins are, share a place, :data:`MOST_WITH_ONE` at most; nobody has a part in more places.
-
-    >>> drop = np.zeros((5, 5))
-    >>> drop[0, 1:] = 9.0, 9.0, 8.0, 7.0
-    >>> first_pairs(drop, 2)
-    [(0, 1), (0, 2), (0, 3)]
-    """
-    first, second = np.triu_indices(len(drop), 1)
-    order = np.argsort(-drop[first, second], kind="stable")
-    used = np.zeros(len(drop), int)
-    places: list[list[tuple[int, int]]] = []
-    for i, j in zip(first[order].tolist(), second[order].tolist()):
-        same = bool(places) and drop[i, j] > (1.0 - SAME_DROP) * drop[places[-1][0]]
-        if not np.isfinite(drop[i, j]) or (len(places) == most and not same):
-            break
-        if same and len(places[-1]) < MOST_WITH_ONE:
-            places[-1].append((i, j))
-        elif not same and max(used[i], used[j]) < MOST_WITH_ONE:
-            places.append([(i, j)])
-            used[[i, j]] += 1
-    return [pair for place in places for pair in place]
 
 
 def beside(screen: Screen, base: Screen, taken: Collection[Any]) -> Screen:
