@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sksurrogate.gap.fit._closeness import FAR_BY_COST, SETTLED
+from sksurrogate.gap.fit._closeness import SETTLED
 from sksurrogate.gap.fit._evidence import Evidence, estimate_noise
 from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.screen._twins import Twin, twins
@@ -57,15 +57,11 @@ def twins_of(search: Expander, named: OdeCandidate) -> list[Twin]:
 
 
 def with_twin(search: Expander, named: OdeCandidate, twin: Twin) -> OdeCandidate | None:
-    """A set with another effect in the place of those that it does the same as; None where it runs away, or does not show.
-
-    It is not followed far from the data, where the set is nearer.
-    """
+    """A set with another effect in the place of those that it does the same as; None where it runs away, or does not show."""
     rest, values = named.without_effect(*twin.places)
-    best = max(named.fit.cost, FAR_BY_COST * search.n_values)
     n = len(values) - len(search.problem.free)
     start = np.concatenate([values[:n], twin.theta, values[n:]])
-    one = named.problem.fit((*rest, twin.effect), start, named.states, best=best, open_steps=0)
+    one = named.problem.fit((*rest, twin.effect), start, named.states, open_steps=0)
     if one is None or not search.plausible(one):
         return None
     search.remember([one])
