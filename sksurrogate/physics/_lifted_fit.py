@@ -28,7 +28,7 @@ SLOPES_SERVE = 2e-2
 DAMPINGS = 12
 #: Open steps of a fit, and by how many times its size a step moves a parameter: of a stiff plant none, and less, since one that nothing
 #: fixes must not carry it off.
-OPEN_STEPS, REACH, STIFF_REACH = 6, 10.0, 0.7
+OPEN_STEPS, LARGEST_MOVE, STIFF_MOVE = 6, 10.0, 0.7
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +56,7 @@ def lifted_fit(
         "fit_start": fit_start,
         "settled": CALIBRATION_SETTLED,
         "tries": DAMPINGS,
-        "reach": REACH,
+        "reach": LARGEST_MOVE,
         "near": SLOPES_SERVE,
         **free.prior.options,
     }
@@ -69,7 +69,7 @@ def lifted_fit(
             return LiftedFit(model, fit)
     model, x = prepared(inner, record, sd, free.names, free.start, starts, given, fit_start)
     if model.stiff:
-        options["reach"] = STIFF_REACH
+        options["reach"] = STIFF_MOVE
     fit = output_error(model, free.start, x, sd, open_steps=0 if model.stiff else OPEN_STEPS, **options)
     if fit is not None and fit.converged and fit.cost < most:
         return LiftedFit(model, fit)

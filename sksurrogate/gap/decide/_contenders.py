@@ -88,11 +88,11 @@ def elsewhere(search: OdeSearch, final: Evidence, own: Contender) -> list[tuple[
     if final.left > SETTLED:
         return []
     keys, level = set(final.candidate.keys), search.evidence(final.candidate)
-    swapped = [*swaps(search, final.candidate), *in_more_names(search, final)]
+    no_rivals = [*swaps(search, final.candidate), *in_more_names(search, final)]
     likelier = {
         one: search.evidence(one) - level + _before(search, one) - own.before
         for one in _near(search, final)
-        if search.own(one) is not None and not (one in swapped or keys <= set(one.keys) or keys >= set(one.keys))
+        if search.own(one) is not None and not (one in no_rivals or keys <= set(one.keys) or keys >= set(one.keys))
     }
     as_likely = sorted(
         (one for one in likelier if likelier[one] > -NATS_THAT_SETTLE), key=likelier.__getitem__, reverse=True
