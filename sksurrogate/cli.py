@@ -269,12 +269,13 @@ def _diagnose(arguments: argparse.Namespace) -> int:
     if units and hasattr(simulator, "get_params") and "units" in simulator.get_params(deep=False):
         simulator = clone(simulator).set_params(units={**units, **units_of(simulator)})
     timed = X if clock is None else np.column_stack([X, clock])
+    column = None if clock is None else X.shape[1]
     free: Any = "all" if arguments.free == ["all"] else tuple(arguments.free)
     diagnoser = GapDiagnoser(
         simulator,
         effects=arguments.effects,
         free_params=free,
-        time=None if clock is None else X.shape[1],
+        time=column,
         n_jobs=arguments.jobs,
         verbose=0 if arguments.quiet else 1,
         random_state=arguments.seed,
@@ -282,7 +283,7 @@ def _diagnose(arguments: argparse.Namespace) -> int:
     )
     # what a simulator prints is no part of the report
     with (
-        _in_words_of_the_command(arguments, diagnoser.time),
+        _in_words_of_the_command(arguments, column),
         printed_as_errors(bar=not arguments.quiet),
         warnings.catch_warnings(),
     ):
@@ -295,13 +296,13 @@ def _diagnose(arguments: argparse.Namespace) -> int:
 
 
 @contextmanager
-def _in_words_of_the_command(arguments: argparse.Namespace, clock: Any) -> Iterator[None]:
-    """Errors that name the option of the column of time, by its place ``clock``, the file of a row, and the file of the simulator."""
+def _in_words_of_the_command(arguments: argparse.Namespace, column: int | None) -> Iterator[None]:
+    """Errors that name the option of the time in ``column``, the file of a row, and the file of the simulator."""
     try:
         yield
     except DataError as error:
         time = f"--time {arguments.time}" if arguments.time else "time"
-        said = str(error) if clock is None else str(error).replace(f"time={clock}", time)
+        said = str(error) if column is None else str(error).replace(f"time={column}", time)
         if "row" not in said or is_log(arguments.data):
             raise type(error)(said) from None
         raise type(error)(f"{said} Row 0 is the first line below the header of {arguments.data}.") from None
