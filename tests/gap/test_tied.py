@@ -33,7 +33,9 @@ def test_a_sentence_says_only_what_was_computed_for_its_name():
     found = suggestion({"a faster run": np.array([0.0, 40.0])}, ["drag", "twin", "friction"])
     both = when_they_part("drag", ["twin", "friction"], False, found)
     assert "separates it from friction; no experiment is known for the rest" in both
-    assert when_they_part("drag", ["friction"], False, found).endswith("; a faster run separates them.")
+    assert when_they_part("drag", ["friction"], False, found).endswith(
+        '; the experiment "a faster run" separates them.'
+    )
     assert "no experiment was computed for this pair (the suggested one concerns drag)" in when_they_part(
         "bias", ["gain"], True, found
     )

@@ -173,5 +173,5 @@ def _part(named: str, tied: Sequence[str], experiment: NextExperiment | None) ->
         return "none of the experiments tried here separates them"
     record = experiment.options[0]["experiment"]
     if set(tied) <= set(experiment.parted):
-        return f"{record} separates them"
-    return f"{record} separates it from {first_of(experiment.parted)}; no experiment is known for the rest"
+        return f'the experiment "{record}" separates them'
+    return f'the experiment "{record}" separates it from {first_of(experiment.parted)}; no experiment is known for the rest'

@@ -118,7 +118,7 @@ def _doubtful(report: ReportData) -> str:
     if not doubtful:
         return ""
     names, it = joined([effect_text(effect) for effect in doubtful]), "it" if len(doubtful) == 1 else "them"
-    return f" That {names} act{'s' if len(doubtful) == 1 else ''} is uncertain: beside such a rest another cause may look like {it}."
+    return f" Whether {names} act{'s' if len(doubtful) == 1 else ''} is uncertain: another cause may look like {it} in these data."
 
 
 def _no_gap(report: ReportData) -> str:
