@@ -47,7 +47,7 @@ def columns_of(signals: Sequence[str], header: Sequence[str], given: Mapping[str
 
     A signal without any stays as it is: reading says what is missing. A given column may have a unit that the header lacks.
 
-    Raises DataError where a given column is not there.
+    Raises DataError where a given column is not there, or several may be meant.
 
     >>> columns_of(["flow", "level"], ["time [s]", "level [cm]", "flow"], {})
     {'flow': 'flow', 'level': 'level [cm]'}
@@ -66,5 +66,9 @@ def columns_of(signals: Sequence[str], header: Sequence[str], given: Mapping[str
     found = {}
     for name in signals:
         near = bare.get(name, [])
+        if len(near) > 1 and name not in header and name not in given:
+            raise DataError(
+                f"{len(near)} columns of the file may be {name!r}: {near}. Rename all but one, or choose: --columns {name}=COLUMN."
+            )
         found[name] = given.get(name) or (name if name in header or len(near) != 1 else near[0])
     return found

@@ -63,8 +63,7 @@ def _error(simulator: Any, u: np.ndarray, measured: np.ndarray) -> float | None:
             found = np.asarray(simulator.simulate(u.copy()), dtype=float)
     except Exception:  # the diagnosis says what is wrong with it
         return None
-    left = found - measured
     spread = np.nanstd(measured, axis=0)
-    if not np.isfinite(found).all() or not np.all(spread > 0):
+    if len(found) != len(measured) or not np.isfinite(found).all() or not np.all(spread > 0):
         return None
-    return float(np.sqrt(np.nanmean((np.nanstd(left, axis=0) / spread) ** 2)))
+    return float(np.sqrt(np.nanmean((np.nanstd(found - measured, axis=0) / spread) ** 2)))

@@ -160,7 +160,9 @@ def test_a_plain_recording_is_read_by_pandas(tmp_path, monkeypatch):
 def test_a_signal_is_found_behind_its_unit_and_never_guessed_between_two():
     assert columns_of(["w"], ["w [rad/s]"], {}) == {"w": "w [rad/s]"}
     assert columns_of(["w"], ["w", "w [rad/s]"], {}) == {"w": "w"}
-    assert columns_of(["w"], ["w [rpm]", "w [rad/s]"], {}) == {"w": "w"}  # reading says that there is none
+    with pytest.raises(DataError, match=r"2 columns of the file may be 'w': .*--columns w=COLUMN"):
+        columns_of(["w"], ["w [rpm]", "w [rad/s]"], {})
+    assert columns_of(["w"], ["w [rpm]", "w [rad/s]"], {"w": "w [rpm]"}) == {"w": "w [rpm]"}
     assert columns_of(["w"], ["w", "other"], {"w": "other"}) == {"w": "other"}
     assert split_unit("f(x) [1]") == ("f(x)", "1")
 
@@ -232,6 +234,15 @@ def test_a_slow_simulator_is_not_simulated_for_its_columns(monkeypatch):
     plant = ODESimulator(slow, states=["a"], inputs=["u"], outputs=["a"], params={}, dt=0.1)
     U = np.random.default_rng(0).normal(size=(300, 1))
     assert swapped_columns(plant, U, U, ["u"], ["a"]) == [] and len(calls) < 300
+
+
+def test_nothing_is_said_of_columns_where_a_simulator_returns_too_few_rows():
+    class Short:
+        def simulate(self, U):
+            return U[:5]
+
+    U = np.random.default_rng(0).normal(size=(300, 2))
+    assert swapped_columns(Short(), U, U, ["a", "b"], ["q", "v"]) == []
 
 
 def test_swapped_columns_are_suspected_and_others_are_not():

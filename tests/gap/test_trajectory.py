@@ -147,6 +147,17 @@ def test_a_table_of_outputs_is_enough_for_sensors():
         GapDiagnoser(table, effects=["input_gain"]).fit(X, y, groups=groups)
 
 
+class Short(FirstOrder):
+    def simulate(self, U, x0=None, t=None):
+        return super().simulate(U)[:5]
+
+
+def test_a_simulator_that_returns_too_few_rows_is_told_how_many_are_expected():
+    X, y, groups = measured(0.2, 0)
+    with pytest.raises(SimulatorError, match="returned 5 rows for 200 rows of inputs"):
+        GapDiagnoser(Short(), random_state=0).fit(X, y, groups=groups)
+
+
 class Runaway(FirstOrder):
     """Diverges from row 7 on where the first input is ``bad``."""
 

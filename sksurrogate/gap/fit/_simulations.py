@@ -66,6 +66,8 @@ class Simulations:
                 said = error.__cause__  # of a program that refused the run
                 self.raised[NOT_FINITE if said is None else f"{type(said).__name__}: {said}"] = None
                 continue
+            if Y.shape[1] != n:
+                raise SimulatorError(f"simulate returned {Y.shape[1]} rows for {n} rows of inputs: one for each row.")
             if Y.shape[2] != len(out):
                 raise SimulatorError(
                     f"simulate returned {Y.shape[2]} outputs, but y has {len(out)} columns: one for each output."

@@ -46,7 +46,10 @@ COLUMNS = {
     "nominal": ("before", "value in the simulator"),
     "value": ("after", "re-tuned value"),
     "part": ("part of the gap", ""),
-    "at_bound": ("at its bound", "whether the value lies at a bound that was given"),
+    "at_bound": (
+        "at its bound",
+        "whether the value lies at its bound: the one given, else 55 times or 1/55 of the nominal value",
+    ),
     "unit": ("unit", ""),
     "moved": ("moved", "whether the 90 % interval leaves the value before out"),
 }
