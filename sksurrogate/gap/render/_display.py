@@ -13,6 +13,7 @@ from sksurrogate.exceptions import require
 from sksurrogate.gap.render._budget import fills, listed_parts, part_name
 from sksurrogate.gap.render._curves import balance_axis
 from sksurrogate.gap.render._runs import fitted_name, near_readings, noise_of, worst_first
+from sksurrogate.gap.render._svg import bar_number
 from sksurrogate.gap.render._units import TIME, axis, range_text
 from sksurrogate.gap.render._waterfall import longest_bar, waterfall
 from sksurrogate.gap.results._report_data import ReportData
@@ -149,7 +150,7 @@ class GapDisplay:
         rows = waterfall(self.report)
         longest = longest_bar(rows)
         bars = ax.barh([label for label, _ in rows], [min(value, longest) for _, value in rows], color="#0072b2")
-        ax.bar_label(bars, labels=[f"{value:.3g}" for _, value in rows], padding=3)
+        ax.bar_label(bars, labels=[bar_number(value, longest) for _, value in rows], padding=3)
         ax.invert_yaxis()
         ax.set(
             xlabel="free-run RMSE / deviation of the output (held-out runs)",

@@ -38,6 +38,8 @@ from sksurrogate.gap.results._table import Table
 RANKED_SHOWN, MOST_RANKED = 6, 60
 #: A curve that explains less of the missing term on held-out runs (share of its variance) shows nothing.
 LEAST_EXPLAINED = 0.02
+#: What is said of the column "kind" of the table by time.
+HOW_IT_CHANGES = "how the size goes over a run: constant, one change, a drift; or one change between runs"
 
 
 def html_page(report: ReportData) -> str:
@@ -143,7 +145,7 @@ def _where(report: ReportData) -> str:
         ("By output", unit_column(outputs, "output", report.units), {}),
         ("By place", where.by_location, place),
         ("By operating range", Table(tuple(regions)), {}),
-        (labelled("By time", report.units.get(TIME, "")), where.by_time, {"kind": "how the size changes over a run"}),
+        (labelled("By time", report.units.get(TIME, "")), where.by_time, {"kind": HOW_IT_CHANGES}),
         (f"By frequency (cycles per {time})", where.by_frequency, {"gap": "power of the error", "noise": "power"}),
     ]
     shown = [(title, table, other) for title, table, other in tables if len(table)]

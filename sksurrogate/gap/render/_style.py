@@ -42,7 +42,7 @@ overflow-wrap:normal;white-space:nowrap}
 padding:.15em .5em;font-size:.8em;white-space:pre;font-variant-numeric:tabular-nums;z-index:9}
 .skgap figcaption,.skgap .small{font-size:.88em;color:var(--soft)}
 .skgap .bars{max-width:46em}.skgap .row{display:flex;gap:.5em;align-items:center;margin:.25em 0}
-.skgap .name{flex:0 0 11em}.skgap .rail{flex:1 1 auto}.skgap .size{flex:0 0 4.5em;white-space:nowrap;font-variant-numeric:tabular-nums}
+.skgap .name{flex:0 0 11em}.skgap .rail{flex:1 1 auto}.skgap .size{flex:0 0 6.2em;white-space:nowrap;font-variant-numeric:tabular-nums}
 .skgap .bar{display:block;height:1.1em;background:var(--accent);border-right:2px solid var(--ink)}
 .skgap .budget{margin:.8em 0}.skgap .budgetbar{display:flex;gap:2px;height:1.9em}.skgap .budgetbar span{min-width:2px}
 .skgap .bar,.skgap .budgetbar span,.skgap .key{print-color-adjust:exact;-webkit-print-color-adjust:exact}

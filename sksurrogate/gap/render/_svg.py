@@ -213,6 +213,15 @@ def _legend(panel: Panel, y: float, width: int) -> str:
     return "".join(out)
 
 
+def bar_number(value: float, longest: float) -> str:
+    """The number at the end of a bar, which says whether the bar is cut.
+
+    >>> bar_number(0.4, 0.4), bar_number(6.0, 0.4)
+    ('0.4', '6 (cut)')
+    """
+    return f"{value:.3g} (cut)" if value > longest else f"{value:.3g}"
+
+
 def bars(rows: Sequence[tuple[str, float]], longest: float) -> str:
     """Bars with their numbers, as plain boxes that flow with the page; what is longer than the longest is cut at the edge."""
     out = []
@@ -220,6 +229,6 @@ def bars(rows: Sequence[tuple[str, float]], longest: float) -> str:
         share = min(100 * value / longest, 100.0)
         out.append(
             f'<div class="row"><span class="name">{escape(label)}</span><span class="rail">'
-            f'<span class="bar" style="width:{max(share, 0.3):.1f}%"></span></span><span class="size">{value:.3g}</span></div>'
+            f'<span class="bar" style="width:{max(share, 0.3):.1f}%"></span></span><span class="size">{bar_number(value, longest)}</span></div>'
         )
     return f'<div class="bars">{"".join(out)}</div>'

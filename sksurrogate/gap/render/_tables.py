@@ -34,7 +34,10 @@ COLUMNS = {
     "samples": ("samples", "part of the samples that lie there"),
     "start": ("from", "time since the start of a run"),
     "stop": ("to", "time since the start of a run"),
-    "level": ("size", "RMS of the source of the gap"),
+    "level": (
+        "size",
+        "RMS of the signal that is missing: of a rate of change in the balance of a state, else in the unit of the input or output",
+    ),
     "runs": ("runs", "runs counted from 1 in the order of the data"),
     "low": ("from", "lower end"),
     "high": ("to", "upper end"),

@@ -90,7 +90,7 @@ def _where(report: ReportData, width: int) -> list[str]:
             text = f"{percent(row['share'])} at {range_text(row['rule'], report.units)} ({percent(row['samples'])} of the samples)"
             lines += textwrap.wrap(text, width, initial_indent="  ", subsequent_indent="      ")
     outputs = unit_column(where.by_output, "output", report.units)
-    time = labelled("By time", report.units.get(TIME, ""))
+    time = labelled("By time", report.units.get(TIME, "")) + ": RMS of the signal that is missing"
     for heading, table in (("By output", outputs), (time, where.by_time[:MOST_ROWS])):
         if len(table) > 1:
             lines += [heading, *(_cut(f"  {line}", width) for line in grid(table))]
