@@ -89,6 +89,8 @@ def test_richer_forms_are_not_needed_and_ask_for_no_experiment():
     sentence = "Richer than coulomb friction at speed, not needed: stribeck friction at speed."
     assert related_forms(FRICTION) == [sentence] and not_identified(FRICTION) == []
     assert next_steps(made) == ["Use diagnoser.augmented_ as the new simulator."]
+    by_command = replace(made, provenance=replace(made.provenance, command="sksurrogate diagnose plant.py:plant d.csv"))
+    assert "--save" in next_steps(by_command)[0] and "diagnoser" not in next_steps(by_command)[0]
     page = html_page(made)
     assert sentence in page and "do not separate" not in page
 

@@ -156,7 +156,7 @@ class GapDisplay:
             xlabel="free-run RMSE / deviation of the output (held-out runs)",
             title=f"Verdict: {self.report.verdict}",
         )
-        ax.margins(x=0.12)
+        ax.margins(x=0.25)
 
     def _ranking(self, ax: Any) -> None:
         rows = [row for row in self.report.ranking if np.isfinite(row["evidence"])][:8][::-1]

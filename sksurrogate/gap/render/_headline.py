@@ -26,6 +26,14 @@ from sksurrogate.gap.results._next_experiment import ENOUGH, NATS_THAT_SETTLE, T
 from sksurrogate.gap.results._reasons import UNDECIDED
 from sksurrogate.gap.results._report_data import ReportData
 
+#: What to do after a diagnosis that stopped early, and with the new simulator of a command.
+AGAIN = "Run the diagnosis again: with more time, fewer candidates (effects=[...]) or more workers (n_jobs=2)."
+AGAIN_BY_COMMAND = (
+    "Run the diagnosis again: with more time (--time-limit), fewer candidates (--effects) or more workers (--jobs 2)."
+)
+SAVE_BY_COMMAND = (
+    "Keep the new simulator with --save FILE.json; sksurrogate.effects.load_augmented(simulator, FILE.json) reads it."
+)
 #: What tells a disturbance from an effect.
 REPEAT = "Repeat a run with the same inputs: what comes back is an effect, what does not is a disturbance."
 #: A formula longer than this (characters) is not read in a sentence.
@@ -258,7 +266,7 @@ def next_steps(report: ReportData) -> list[str]:
 def _steps(report: ReportData) -> list[str]:
     """What to do next beside the faults of the record."""
     if _is_undecided(report):
-        return ["Run the diagnosis again: with more time, fewer candidates (effects=[...]) or more workers (n_jobs=2)."]
+        return [AGAIN_BY_COMMAND if report.provenance.command else AGAIN]
     if report.reasons.rule == "other_unit":
         return ["Write dt and the data as the simulator has them (a note says what fits), and diagnose again."]
     if report.verdict == "none":
@@ -267,7 +275,7 @@ def _steps(report: ReportData) -> list[str]:
         return ["To look further, excite the plant harder or over a wider range, and record again."]
     steps = [REPEAT] if _may_be_a_disturbance(report) else _to_separate(report)
     if report.verdict in ("explained", "partial"):
-        steps.append("Use diagnoser.augmented_ as the new simulator.")
+        steps.append(SAVE_BY_COMMAND if report.provenance.command else "Use diagnoser.augmented_ as the new simulator.")
     if report.verdict in ("partial", "unknown"):
         steps.append(_about_the_rest(report))
     return steps
