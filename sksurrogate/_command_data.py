@@ -90,8 +90,8 @@ def recording(
     for name, unit in units.items():
         if known.get(name, unit) != unit:
             print(
-                f"sksurrogate: {name!r} is in {unit} in {arguments.data} and in {known[name]} in the simulator: convert one of "
-                "them where these differ.",
+                f"sksurrogate: {name!r} is in {unit} in {arguments.data} and in {known[name]} in the simulator. "
+                "The numbers are read as they are: unless both are names of one unit, convert the column.",
                 file=sys.stderr,
             )
     return X, y, columns[time] if time else None, labels, units
