@@ -7,7 +7,15 @@ from dataclasses import replace
 from sksurrogate.effects._simulator import AugmentedSimulator
 from sksurrogate.gap._state import DiagnosisState
 from sksurrogate.gap.decide._held_out import HeldOut
-from sksurrogate.gap.decide._law_certificate import CONSTANTS, CertifiedLaw, law_of, share_of_law, takes_the_place
+from sksurrogate.gap.decide._law_certificate import (
+    CONSTANTS,
+    CertifiedLaw,
+    certified_law,
+    law_of,
+    n_parts,
+    share_of_law,
+    takes_the_place,
+)
 from sksurrogate.gap.decide._one_curve import LARGEST_CORRECTION
 from sksurrogate.gap.decide._rules import first_rule
 from sksurrogate.gap.faults._input_timing import with_joined_inputs
@@ -67,6 +75,7 @@ class LawStage(DiagnosisState[C]):
     def law_in_place_of_names(self, held: HeldOut, verdict: str) -> tuple[CertifiedLaw | None, CertifiedLaw | None]:
         """One formula that is clearly likelier than all names, and than these with the law that they leave: they are withdrawn.
 
+        One of as many parts as there are names must also close a practical share of what they leave on runs left out.
         None where the names stand; and the law that they leave, where it was asked for.
         """
         beside, leave_a_law = self.access.law_beside(self.null, self.final, held), verdict == "partial"
@@ -74,6 +83,9 @@ class LawStage(DiagnosisState[C]):
             return None, None
         rest = self.access.law_beside(self.final, self.final, held)
         if not takes_the_place(self.search, beside.law, self.final, None if rest is None else rest.law):
+            return None, rest
+        fewer = n_parts(beside.law, self.final) < len(self.final.effects)
+        if not (fewer or certified_law(self.measured(beside.held))):
             return None, rest
         after = self.withdraw_names(INSTEAD)
         return replace(beside, held=replace(after, law=beside.held.law)), None

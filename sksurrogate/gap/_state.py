@@ -22,6 +22,7 @@ from sksurrogate.gap.faults._record_book import RecordBook
 from sksurrogate.gap.fit._evidence import C, Evidence
 from sksurrogate.gap.results._next_experiment import NextExperiment
 from sksurrogate.gap.results._reasons import UNDECIDED, Reasons
+from sksurrogate.gap.results._shrink import Shrink
 from sksurrogate.gap.results._table import Table
 from sksurrogate.gap.search._base import BaseSearch
 
@@ -94,7 +95,11 @@ class DiagnosisState(Generic[C]):
     def measure(self) -> None:
         """How far the gap shrinks on runs left out."""
         assert self.found.held is not None
-        self.found.shrink = measure(self.found.held, self.floor(), self.problem.plant.outputs, self.access.seed)
+        self.found.shrink = self.measured(self.found.held)
+
+    def measured(self, held: HeldOut) -> Shrink:
+        """How far the gap shrinks in these free runs."""
+        return measure(held, self.floor(), self.problem.plant.outputs, self.access.seed)
 
     def floor(self) -> np.ndarray:
         """Sensor noise of what stands, with its law where one is certified, and what noise on inputs moves the outputs by."""

@@ -31,6 +31,9 @@ JUMP, JUMP_OVER_USUAL = 12.0, 3.0
 #: Largest share of the readings that are called wrong; where more seem so the path is rough and they are not.
 MOST_WRONG = 0.15
 
+#: A reading out of reach is so many times what half of the readings span off their middle.
+REACH = 100.0
+
 
 class Stretch(NamedTuple):
     """Readings ``start:stop`` of a run, and how far the sensor jumps at their ends."""
@@ -176,6 +179,27 @@ def flat_stretches(y: np.ndarray, sd: float) -> list[Stretch]:
         if b - a >= SHORTEST_FLAT and max(into, out_of) > least and b - a <= n // 2:
             found.append(Stretch(a, b, float(max(into, out_of))))
     return _apart(found)
+
+
+def out_of_reach(y: np.ndarray) -> np.ndarray:
+    """Which readings no plant gives: single ones, or of one value repeated (a code for "no reading"), :data:`REACH` off all others.
+
+    ``y`` (n_samples,): none where half of the readings are equal, which tells no range.
+    Returns bool (n_samples,).
+
+    >>> y = np.sin(0.05 * np.arange(200))
+    >>> y[[60, 120, 121]] = 1e9, -9999.0, -9999.0
+    >>> np.flatnonzero(out_of_reach(y)).tolist()
+    [60, 120, 121]
+    """
+    low, middle, high = np.quantile(y, [0.25, 0.5, 0.75]) if len(y) else np.zeros(3)
+    if not high > low:
+        return np.zeros(len(y), bool)
+    far = np.abs(y - middle) > REACH * (high - low)
+    beside = np.r_[False, far[:-1]] | np.r_[far[1:], False]
+    _, place, count = np.unique(y[far], return_inverse=True, return_counts=True)
+    far[far] = (count[place] > 1) | ~beside[far]
+    return far
 
 
 def spans_where(holds: np.ndarray) -> list[tuple[int, int]]:

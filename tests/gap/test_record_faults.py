@@ -215,6 +215,15 @@ def test_outliers_that_names_only_bend_are_found_beside_the_simulator_alone(shar
     assert (odd is not None) is found and (odd is None or odd.rows.tolist() == [200, 201])
 
 
+def test_readings_out_of_reach_are_found_wherever_they_are_and_hide_no_other():
+    """One of 1e9 at the end of a run, and a spike that is small beside it."""
+    whole = record(3, 300)
+    y = whole.y.copy()
+    y[0, 299], y[0, 450] = 1e9, y[0, 450] + 50.0
+    (found,) = wrong_readings(replace(whole, y=y), lambda: None)
+    assert (found.kind, found.rows.tolist()) == ("spikes", [299, 450])
+
+
 @pytest.mark.slow
 def test_dropouts_that_follow_each_other_closely_are_found_beside_a_name():
     report = diagnosed(make_case("tanks", "dropouts", False), "hidden_mode").report_

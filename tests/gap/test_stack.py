@@ -9,7 +9,8 @@ from sksurrogate.effects import CATALOGUE
 from sksurrogate.effects._formula import Term
 from sksurrogate.gap import _law_stage
 from sksurrogate.gap._law_stage import LawStage
-from sksurrogate.gap.decide._law_certificate import takes_the_place
+from sksurrogate.gap.decide._held_out import HeldOut
+from sksurrogate.gap.decide._law_certificate import CertifiedLaw, takes_the_place
 from sksurrogate.gap.decide._rules import DecisionFeatures, first_rule
 from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.search import _set_search
@@ -124,6 +125,25 @@ def test_the_law_that_standing_names_leave_is_sought_where_they_leave_one(verdic
     stage.access = SimpleNamespace(law_beside=lambda base, final, held: asked.append(base) or left)
     assert stage.law_in_place_of_names(None, verdict) == (None, left if verdict == "partial" else None)
     assert asked == sought
+
+
+@pytest.mark.parametrize(("n_names", "closed", "instead"), [(1, 0.80, False), (1, 0.84, True), (2, 0.80, True)])
+def test_a_law_of_as_many_parts_as_there_are_names_must_close_more_on_runs_left_out(
+    n_names, closed, instead, monkeypatch
+):
+    """Of what one name leaves, 0.2 of the gap, a practical share is 0.03; two names for one law are reason enough."""
+    monkeypatch.setattr(_law_stage, "takes_the_place", lambda *given: True)
+    law = SimpleNamespace(kind="state", location="v", effect=SimpleNamespace(terms=[Term((("drag", "v", 0.0, 0.0),))]))
+    beside = CertifiedLaw(law, HeldOut(None, None, None, None, None), None, 0.0)
+    stage = LawStage.__new__(LawStage)
+    names = [SimpleNamespace(name=f"effect_{i}", location="v", variable="v") for i in range(n_names)]
+    stage.search = SimpleNamespace(standing=SimpleNamespace(effects=names), fitted_null="null")
+    stage.access = SimpleNamespace(law_beside=lambda base, final, held: beside)
+    stage.measured = lambda held: SimpleNamespace(fraction=0.8, fraction_law=closed)
+    stage.withdraw_names = lambda why: HeldOut(None, None, None, None, None)
+    found, rest = stage.law_in_place_of_names(None, "partial")
+    assert (found is not None) is instead
+    assert (rest is beside) is not instead
 
 
 @pytest.mark.parametrize(

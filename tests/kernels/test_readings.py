@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sksurrogate.kernels.readings import flat_stretches, predicted_by_neighbours, spikes
+from sksurrogate.kernels.readings import flat_stretches, out_of_reach, predicted_by_neighbours, spikes
 
 SD, N = 0.01, 1000
 
@@ -81,3 +81,22 @@ def test_rest_saturation_and_grids_are_no_flat_stretches():
     assert flat_stretches(np.minimum(np.sin(0.03 * k) + noise, 0.8), SD) == []  # left and entered without a jump
     assert flat_stretches(np.round((np.sin(0.03 * k) + noise) / 0.05) * 0.05, SD) == []
     assert flat_stretches(np.where(k < 300, 0.0, np.sin(0.03 * (k - 300))) + noise, SD) == []
+
+
+def test_readings_that_no_plant_gives_are_out_of_reach():
+    rng = np.random.default_rng(7)
+    y = paths()["smooth"] + SD * rng.normal(size=N)
+    assert not out_of_reach(y).any()
+    wrong = np.zeros(N, bool)
+    wrong[rng.choice(N, N // 5, replace=False)] = True
+    np.testing.assert_array_equal(out_of_reach(np.where(wrong, -9999.0, y)), wrong)  # a code for "no reading"
+    one = np.isin(np.arange(N), [0, 70, N - 1])
+    np.testing.assert_array_equal(out_of_reach(np.where(one, 1e9, y) * (1 + one * np.arange(N))), one)
+
+
+def test_a_plant_that_wakes_or_runs_away_is_within_reach():
+    k = np.arange(N)
+    at_rest = SD * np.random.default_rng(8).normal(size=N)
+    assert not out_of_reach(at_rest + np.where(k % 100 < 10, 1e3 * (1.0 + 0.01 * k), 0.0)).any()
+    assert not out_of_reach(np.exp(0.05 * k)).any()
+    assert not out_of_reach(np.where(k % 100 < 10, 1.0, 0.0)).any()

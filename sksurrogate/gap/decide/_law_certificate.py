@@ -45,14 +45,18 @@ def takes_the_place(
     It does if it is clearly likelier than the names alone, or likelier than these with the law that they leave, which has its parts too. All
     with the price of their choice.
     """
-    parts = separate_parts(law.effect.terms) + has_a_name_in_it(law, final)
-    if law.curve or parts >= len(final.effects) + (rest is not None):
-        return False  # parts that share no signal are as many effects
+    if law.curve or n_parts(law, final) >= len(final.effects) + (rest is not None):
+        return False
     named = final if rest is None else rest.found
     score = search.order([law.found.candidate, named.candidate])
     price = len(final.effects) * np.log(len(search.library)) + (0.0 if rest is None else rest.price)
     needed = CERTAIN if rest is None else 0.0
     return bool(score(law.found.candidate) - law.price > score(named.candidate) - price + needed)
+
+
+def n_parts(law: FittedLaw, final: Evidence[Any]) -> int:
+    """Number of effects that a formula is worth beside names: its parts that share no signal, and a constant that is one of the names."""
+    return separate_parts(law.effect.terms) + has_a_name_in_it(law, final)
 
 
 def has_a_name_in_it(law: FittedLaw, final: Evidence[Any]) -> bool:

@@ -6,12 +6,12 @@ from collections.abc import Callable
 
 import numpy as np
 
-from sksurrogate.gap.faults._corrections import WrongReadings
+from sksurrogate.gap.faults._corrections import WrongReadings, masked
 from sksurrogate.gap.fit._backend import BaseCandidate
 from sksurrogate.gap.fit._closeness import MOST_LEFT, SETTLED
 from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.fit._rounding import windowed_lattice
-from sksurrogate.kernels.readings import Stretch, flat_stretches, spans_where, spikes
+from sksurrogate.kernels.readings import Stretch, flat_stretches, out_of_reach, spans_where, spikes
 from sksurrogate.kernels.record import Record
 from sksurrogate.kernels.smoother import noise_of_differences
 
@@ -27,8 +27,10 @@ def wrong_readings(record: Record, expected: Callable[[], np.ndarray | None]) ->
     ``expected`` (n_outputs, n_samples): outputs of the simulator alone, asked for only where something was found: what
         it does by itself is not a fault.
     """
+    whole, far = record, [_out_of_reach(record, j) for j in range(len(record.y))]
+    found = [(j, "spikes", s) for j, rows in enumerate(far) for s in _spans(rows, record, j)]
+    record = masked(record, np.array(far)) if found else record
     sd = noise_of_differences(record.y, record.starts, record.known, record.t)
-    found: list[tuple[int, str, Stretch]] = []
     for j, y in enumerate(record.y):
         least = 1.001e-4 * float(record.spread[j])  # the noise is not seen: nothing can be judged by it
         if not sd[j] > max(least, 1e-12):
@@ -43,8 +45,22 @@ def wrong_readings(record: Record, expected: Callable[[], np.ndarray | None]) ->
     found = [(j, kind, s) for j, kind, s in found if not _is_a_level(kind, s, record, grids[j])]
     model = expected() if found else None
     if model is not None:
-        found = [(j, kind, s) for j, kind, s in found if not _is_expected(record.y[j], model[j], s)]
-    return _faults(record, found)
+        found = [(j, kind, s) for j, kind, s in found if not _is_expected(whole.y[j], model[j], s)]
+    return _faults(whole, found)
+
+
+def _out_of_reach(record: Record, j: int) -> np.ndarray:
+    """Which readings of output j no plant gives, bool (n_samples,)."""
+    far = np.zeros(record.y.shape[1], bool)
+    rows = slice(None) if record.known is None else np.flatnonzero(record.known[j])
+    far[rows] = out_of_reach(record.measured(j))
+    return far
+
+
+def _spans(far: np.ndarray, record: Record, j: int) -> list[Stretch]:
+    """Stretches of readings out of reach, and how far these are from the middle of all."""
+    off = np.abs(record.y[j] - np.median(record.measured(j))) if far.any() else far
+    return [Stretch(a, b, float(np.max(off[a:b]))) for a, b in spans_where(far)]
 
 
 def _is_a_level(kind: str, s: Stretch, record: Record, grid: tuple[float, int, int] | None) -> bool:

@@ -12,6 +12,7 @@ from sksurrogate.gap.decide._rules import PRACTICAL
 from sksurrogate.gap.render._values import percent
 from sksurrogate.gap.results._shrink import Shrink
 from sksurrogate.gap.results._table import Table
+from sksurrogate.kernels.readings import out_of_reach
 
 
 def interruption(complete: bool, time_limit: float | None, cut: Sequence[str]) -> list[str]:
@@ -106,9 +107,21 @@ def mistakes(said: Sequence[str]) -> tuple[str, ...]:
 
 
 def of_the_inputs(names: Sequence[str], u: np.ndarray) -> list[str]:
-    """Inputs (n_inputs, n_samples) that never move."""
+    """Inputs (n_inputs, n_samples) that never move, and those with values that look like a code for "no reading".
+
+    >>> u = np.sin(np.arange(50.0))
+    >>> u[7] = -9999.0
+    >>> of_the_inputs(["force"], u[None])[0][:54]
+    "Input 'force' is far from all its other values in 1 of"
+    """
     still = [name for name, signal in zip(names, u) if np.ptp(signal) == 0]
-    return [f"Input {name!r} never moves: these data say nothing about its effects." for name in still]
+    far = {name: signal[out_of_reach(signal)] for name, signal in zip(names, u)}
+    return [f"Input {name!r} never moves: these data say nothing about its effects." for name in still] + [
+        f"Input {name!r} is far from all its other values in {len(values)} of {u.shape[1]} rows ({values[0]:.4g}). If the "
+        "plant was not given that, the gap after it is a fault of the record: make them nan and use Interpolator."
+        for name, values in far.items()
+        if len(values)
+    ]
 
 
 def on_none(shrink: Shrink) -> list[str]:
