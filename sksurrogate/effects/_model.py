@@ -21,14 +21,12 @@ from sksurrogate.effects._input import within_runs
 from sksurrogate.effects._limit import in_force
 from sksurrogate.effects._onset import Starting, edges_of, kinks_of, timed
 from sksurrogate.effects._parameter import constant_in_time
-from sksurrogate.effects._parts import SensorPath
 from sksurrogate.effects._readings import read_sensors
 from sksurrogate.effects._whole_step import has_own_steps, held_for, own_run, whole_step
 from sksurrogate.effects._wires import beside, entering, factors, kink_width, wire_of
 from sksurrogate.kernels.clock import check_time
 from sksurrogate.kernels.integrate import closing_weight, rk4
 from sksurrogate.kernels.record import Record
-from sksurrogate.kernels.sampling import slopes_so_far
 from sksurrogate.kernels.signals import Signal, hold, stacked
 from sksurrogate.physics._model import PlantModel
 
@@ -156,7 +154,16 @@ class AugmentedModel:
         """Positions of the states that are the outputs; None with an output function or a sensor effect."""
         if self.record.offset is not None or any(isinstance(effect, SensorEffect) for effect in self.effects):
             return None
-        return self.plant.output_states
+        if self.plant.output_states is None:
+            return None
+        shown = dict(enumerate(self.plant.output_states)) | self.shown_memories
+        return tuple(shown.values())
+
+    @cached_property
+    def shown_memories(self) -> dict[int, int]:
+        """Hidden states that sensors show in place of an output: its position -> that of the state."""
+        sensors = ((i, rows) for i, rows in self._hidden.items() if self.effects[i].kind == "output")
+        return {self.plant.outputs.index(str(self.effects[i].location)): rows.start for i, rows in sensors}
 
     @property
     def may_jump(self) -> bool:
@@ -171,9 +178,13 @@ class AugmentedModel:
     @property
     def runs_at_once(self) -> bool:
         """Whether a free run is one call of a simulator that steps: nothing acts within its steps."""
-        return self.may_jump and all(
-            effect.kind in ("input", "output") or wire.parameter is not None or constant_in_time(effect)
-            for effect, wire in zip(self.effects, self.wires)
+        return (
+            self.may_jump
+            and not self.shown_memories
+            and all(
+                effect.kind in ("input", "output") or wire.parameter is not None or constant_in_time(effect)
+                for effect, wire in zip(self.effects, self.wires)
+            )
         )
 
     def closing_weight(self, sd: np.ndarray) -> np.ndarray:
@@ -195,7 +206,7 @@ class BoundModel:
         self._parameters = [augmented.parameters_of(i, theta) for i in range(len(augmented.effects))]
         wires = augmented.wires
         laws = [i for i, effect in enumerate(augmented.effects) if isinstance(effect, BalanceEffect)]
-        self._balances = [i for i in laws if wires[i].port < 0]
+        self._balances = [i for i in laws if wires[i].place >= 0]
         self._at_ports = [i for i in laws if wires[i].port >= 0 and wires[i].parameter is None]
         self._as_parameters = [i for i in laws if wires[i].parameter is not None]
         self.held = held_for(augmented.plant, self.record.dt, self.h)
@@ -284,7 +295,7 @@ class BoundModel:
 
         None where it offers none, or an effect acts within its steps that is no law at a port.
         """
-        within = self._balances or self._has_limits or self._drift
+        within = self._balances or self._has_limits or self._drift or self.a.shown_memories
         return None if within or not self.a.may_jump else own_run(self, x0, self._mean, bool(self._at_ports))
 
     def entering(self, t: np.ndarray, x: np.ndarray, u: np.ndarray) -> np.ndarray:
@@ -372,47 +383,23 @@ class BoundModel:
         a, record = self.a, self.record
         shown = self.shown if a.plant.output_states is not None else self.entering(record.t, x, self.shown)
         y = a.model.output(record.t, x[: a.n_nominal], shown, self.params_at(record.t, x, self.shown))
+        if a.shown_memories:
+            y = np.array(y)
+            y[list(a.shown_memories)] = x[list(a.shown_memories.values())]
         sensors = [(i, effect) for i, effect in enumerate(a.effects) if isinstance(effect, SensorEffect)]
         if not sensors and record.offset is None:
             return y
         return read_sensors(self, x, y, [(e, self._parameters[i]) for i, e in sensors], sharp)
 
-    def path(self, x: np.ndarray, y: np.ndarray, place: int) -> SensorPath:
-        """One output between the samples: values and slopes, before and after the input moves.
-
-        Slopes are those of the right-hand side; without one, those of the rows so far.
-        """
-        record, plant = self.record, self.a.plant
-        first = self.shown
-        last = self._mean[-1] if self._half is None else self._mean[-1] + self._half[-1]
-        before = np.concatenate([last[..., :1], last[..., :-1]], axis=-1)
-        moves, end = not np.array_equal(before, first), None
-        if moves and plant.output_states is None:
-            end = self._plain_outputs(record.t, x, before)[place]
-            end[:, record.starts] = y[place][:, record.starts]
-        if plant.access == "step":
-            slopes = slopes_so_far(y[place], y[place] if end is None else end, record.dt, record.starts)
-            return SensorPath(y[place], *slopes, end)
-        right = self._slope(x, first, place)
-        if not moves:
-            return SensorPath(y[place], right, right)
-        left = self._slope(x, before, place).copy()
-        left[:, record.starts] = right[:, record.starts]
-        return SensorPath(y[place], right, left, end)
-
-    def _slope(self, x: np.ndarray, u: np.ndarray, place: int) -> np.ndarray:
-        """Time derivative of an output: that of its state, or a difference along the flow."""
-        a, t = self.a, self.record.t
-        dx = self.derivative(t, x, u)
-        if a.plant.output_states is not None:
-            return dx[a.plant.output_states[place]]
-        eps = 1e-6 * self.record.dt
-        ahead, now = self._plain_outputs(t + eps, x + eps * dx, u), self._plain_outputs(t, x, u)
-        return (ahead[place] - now[place]) / eps
-
-    def _plain_outputs(self, t: np.ndarray, x: np.ndarray, u: np.ndarray) -> np.ndarray:
-        """Outputs of an output function, before the sensors."""
+    def true_outputs(self, t: np.ndarray, x: np.ndarray, u: np.ndarray) -> np.ndarray:
+        """What the sensors measure at a time, states and inputs."""
         return self.a.model.output(t, x[: self.a.n_nominal], self.entering(t, x, u), self.params_at(t, x, u))
+
+    @property
+    def held_before(self) -> np.ndarray:
+        """Inputs that act just before the samples (n_inputs, n_columns | 1, n_samples)."""
+        last = self._mean[-1] if self._half is None else self._mean[-1] + self._half[-1]
+        return np.concatenate([last[..., :1], last[..., :-1]], axis=-1)
 
 
 def retuned(nominal: float, phi: Any) -> Any:

@@ -3,28 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Protocol
 
 import numpy as np
 
 from sksurrogate.effects._families import SensorEffect
 from sksurrogate.effects._onset import timed
+from sksurrogate.effects._output_path import Outputs, output_path
 from sksurrogate.effects._parts import SensorPath
 from sksurrogate.kernels.sampling import read_between
 
 
-class Paths(Protocol):
-    """A model with its parameters filled in."""
-
-    a: Any
-    record: Any
-
-    def path(self, x: np.ndarray, y: np.ndarray, place: int) -> SensorPath:
-        """One output between the samples."""
-
-
 def read_sensors(
-    bound: Paths,
+    bound: Outputs,
     x: np.ndarray,
     raw: np.ndarray,
     sensors: Sequence[tuple[SensorEffect, list[np.ndarray]]],
@@ -43,7 +33,7 @@ def read_sensors(
     for effect, values in sensors:
         if effect.memory:
             place = outputs.index(str(effect.location))
-            path = paths.get(place) or bound.path(x, raw, place)
+            path = paths.get(place) or output_path(bound, x, raw, place)
             own = timed(effect, record.t)
             follow = getattr(own, "follow_sharp", own.follow) if sharp else own.follow  # a window is sharp
             paths[place] = follow(path, values, record.dt, record.starts)
@@ -51,7 +41,7 @@ def read_sensors(
     if record.offset is not None:
         shift = -record.offset[None] / record.dt
         for place in range(len(y)):
-            path = paths.get(place) or bound.path(x, raw, place)
+            path = paths.get(place) or output_path(bound, x, raw, place)
             between = path.y, path.right, path.left, path.before
             y[place] = read_between(*between, shift, record.dt, record.starts)[0]
         raw = y.copy()

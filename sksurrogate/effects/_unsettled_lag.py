@@ -1,9 +1,9 @@
-"""A slow actuator in motion where a run begins, as in a record that begins amid an operation."""
+"""A slow actuator or sensor in motion where a run begins, as in a record that begins amid an operation."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -12,28 +12,14 @@ from sksurrogate.effects._families import HiddenEffect
 from sksurrogate.effects._hidden import FORGETS
 from sksurrogate.effects._input import InputLag
 from sksurrogate.effects._parts import Probe
+from sksurrogate.effects._sensor import SensorLag
 from sksurrogate.effects._smooth import TINY, WITHIN_SAMPLE, follow
 
 
-class UnsettledLag(HiddenEffect):
-    """The lag of an input, from where its actuator stood when a run began: ``c dw/dt + w = u``, ``w(0)`` any.
+class _UnsettledLag(HiddenEffect):
+    """A lag from where its memory stood when a run began: a hidden state in place of a known start."""
 
-    It is :class:`~sksurrogate.effects._input.InputLag` with a hidden state in place of a known start: at the port of the input it adds
-    ``w - u``.
-
-    Examples
-    --------
-    >>> UnsettledLag("u").key
-    ('input_lag', 'u', None)
-    """
-
-    name = InputLag.name
-    parameters = InputLag.parameters
-    equation = InputLag.equation
-    signature = InputLag.signature
-    typical = "the actuator follows within the runs, and not within a sample"
-    twins = InputLag.twins
-    rarity = InputLag.rarity
+    lag: ClassVar[type[InputLag | SensorLag]]  #: That begins at rest
     settled = False
 
     def __init__(self, location: str | None = None):
@@ -51,27 +37,27 @@ class UnsettledLag(HiddenEffect):
 
     @property
     def settled_form(self) -> BaseEffect:
-        """The lag from the first value of the input."""
-        return InputLag(self.location)
+        """The lag from the first value of what it follows."""
+        return self.lag(self.location)
 
     def rest(self, v: np.ndarray, theta: Sequence[Any]) -> Sequence[Any]:
-        """``w(0) = u(0)``."""
+        """``w(0) = v(0)``."""
         return [v]
 
     def rates(
         self, z: np.ndarray, t: Any, v: np.ndarray, dv: np.ndarray, theta: Sequence[Any], width: float
     ) -> Sequence[Any]:
-        """``(u - w) / c``."""
+        """``(v - w) / c``."""
         return [(v - z[0]) / np.maximum(theta[0], TINY)]
 
     def rates_within(
         self, z: np.ndarray, t: Any, v: np.ndarray, dv: np.ndarray, theta: Sequence[Any], width: float, h: float
     ) -> Sequence[Any]:
-        """An actuator that is much faster than a step keeps up."""
+        """What is much faster than a step keeps up."""
         return [follow(h / np.maximum(theta[0], TINY)) * rate for rate in self.rates(z, t, v, dv, theta, width)]
 
     def force(self, z: np.ndarray, v: np.ndarray, theta: Sequence[Any]) -> Any:
-        """``w - u``."""
+        """``w - v``."""
         return z[0] - v
 
     def plausible(self, theta: Sequence[float], probe: Probe) -> bool:
@@ -80,4 +66,47 @@ class UnsettledLag(HiddenEffect):
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
         """As of the lag."""
-        return InputLag(self.location).starts(probe)
+        return self.lag(self.location).starts(probe)
+
+
+class UnsettledInputLag(_UnsettledLag):
+    """The lag of an input, from where its actuator stood when a run began: ``c dw/dt + w = u``, ``w(0)`` any.
+
+    It is :class:`~sksurrogate.effects._input.InputLag` but for its start: at the port of the input it adds ``w - u``.
+
+    Examples
+    --------
+    >>> UnsettledInputLag("u").key
+    ('input_lag', 'u', None)
+    """
+
+    lag = InputLag
+    name = InputLag.name
+    parameters = InputLag.parameters
+    equation = InputLag.equation
+    signature = InputLag.signature
+    typical = "the actuator follows within the runs, and not within a sample"
+    twins = InputLag.twins
+    rarity = InputLag.rarity
+
+
+class UnsettledSensorLag(_UnsettledLag):
+    """The lag of a sensor that shows a state, from what it showed when a run began: ``c dw/dt + w = y``, ``w(0)`` any.
+
+    It is :class:`~sksurrogate.effects._sensor.SensorLag` but for its start: the reading is ``y + (w - y)``.
+
+    Examples
+    --------
+    >>> UnsettledSensorLag("y").key
+    ('sensor_lag', 'y', None)
+    """
+
+    kind = "output"
+    lag = SensorLag
+    name = SensorLag.name
+    parameters = SensorLag.parameters
+    equation = SensorLag.equation
+    signature = SensorLag.signature
+    typical = "the sensor follows within the runs, and not within a sample"
+    twins = SensorLag.twins
+    rarity = SensorLag.rarity

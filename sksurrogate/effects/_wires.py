@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from sksurrogate.effects._base_effect import BaseEffect
-from sksurrogate.effects._families import BalanceEffect
+from sksurrogate.effects._families import BalanceEffect, HiddenEffect
 from sksurrogate.effects._law import LawEffect
 from sksurrogate.effects._ports import at_port
 from sksurrogate.effects._structure import largest_gains
@@ -42,9 +42,10 @@ def factors(effect: BaseEffect) -> list[str]:
 def wire_of(effect: BaseEffect, model: PlantModel, width: Callable[[BaseEffect], float]) -> Wire:
     """The wiring of an effect; ``width`` tells that of its kinks."""
     plant = model.plant
-    if effect.kind not in ("state", "parameter"):
-        return Wire(-1, (), None)
     states, inputs = plant.states, plant.inputs
+    if effect.kind not in ("state", "parameter"):
+        followed = ((True, states.index(str(effect.variable))),) if isinstance(effect, HiddenEffect) else ()
+        return Wire(-1, followed, None)
     drivers = tuple((True, states.index(n)) if n in states else (False, inputs.index(n)) for n in factors(effect))
     if effect.kind == "parameter":
         return Wire(-1, drivers, None)

@@ -18,10 +18,10 @@ from sksurrogate.effects._base_effect import BaseEffect
 from sksurrogate.effects._catalogue import build_effects, left_out
 from sksurrogate.effects._hidden import HiddenRelaxation
 from sksurrogate.effects._input import InputLag, RememberingActuator
-from sksurrogate.effects._sensor import SensorDelay
+from sksurrogate.effects._sensor import SensorDelay, SensorLag
 from sksurrogate.effects._still import driven_effects
 from sksurrogate.effects._structure import kinematic_states
-from sksurrogate.effects._unsettled_lag import UnsettledLag
+from sksurrogate.effects._unsettled_lag import UnsettledInputLag, UnsettledSensorLag
 from sksurrogate.exceptions import SimulatorError, SurrogateError
 from sksurrogate.gap._pipeline import DiagnosisPipeline
 from sksurrogate.gap._progress import Progress
@@ -155,7 +155,7 @@ def _acts_near(effect: BaseEffect, problem: OdeBackend) -> bool:
 
 
 def _candidates(task: Task, balances: Sequence[str]) -> list[BaseEffect]:
-    """All effects; where clocks may be apart a sensor may be early, and an actuator may have been at rest before a run that begins with a step, and a slow actuator or companion not."""
+    """All effects; where clocks may be apart a sensor may be early, and an actuator may have been at rest before a run that begins with a step, and a slow actuator, sensor or companion not."""
     earliest, record = -float(task.diagnoser.clock_offset), task.whole
     stepped = {name for name, u in zip(task.plant.inputs, record.u) if np.any(u[record.starts])}
     found: list[BaseEffect] = []
@@ -166,7 +166,9 @@ def _candidates(task: Task, balances: Sequence[str]) -> list[BaseEffect]:
         if isinstance(one, RememberingActuator) and one.before is None and one.location in stepped:
             found.append(type(one)(one.location, one.variable, before=0.0))
         if type(one) is InputLag and one.before is None:
-            found.append(UnsettledLag(one.location))
+            found.append(UnsettledInputLag(one.location))
+        if type(one) is SensorLag and task.plant.output_states is not None and task.plant.access != "trajectory":
+            found.append(UnsettledSensorLag(one.location))
         if isinstance(one, HiddenRelaxation) and one.settled:
             found.append(type(one)(one.location, one.variable, settled=False))
     return found
