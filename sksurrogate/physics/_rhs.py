@@ -177,6 +177,11 @@ class PointwiseFunction:
                 stacklevel=5,
             )
 
+    @property
+    def called(self) -> str:
+        """The user's function with what it is given."""
+        return f"{self.what}(t, x, u, p, dt)" if self.what == "step" else f"{self.what}(t, x, u, p)"
+
     def _one(self, t: float, x: np.ndarray, u: np.ndarray, p: Mapping[str, Any], *extra: Any) -> np.ndarray:
         """One point."""
         try:
@@ -190,7 +195,7 @@ class PointwiseFunction:
                 else f"{type(error).__name__}: {error}"
             )
             raise SimulatorError(
-                f"{self.what}(t, x, u, p) failed at t={t:g}, x={x.tolist()}, u={u.tolist()}: {detail}. "
+                f"{self.called} failed at t={t:g}, x={x.tolist()}, u={u.tolist()}: {detail}. "
                 f"x has {len(x)} states and u {len(u)} inputs; params are {sorted(p)}."
             ) from error
         try:
@@ -205,7 +210,7 @@ class PointwiseFunction:
             out = np.empty(0)
         if len(out) != self.size:
             raise SimulatorError(
-                f"{self.what}(t, x, u, p) must return {self.size} components, one for each of {list(self.names)}, "
+                f"{self.called} must return {self.size} components, one for each of {list(self.names)}, "
                 f"but returned {value!r} for one point."
             )
         return out

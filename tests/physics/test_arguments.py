@@ -10,6 +10,8 @@ from sksurrogate.blind._own_simulator import plant_of
 from sksurrogate.compose import HybridRegressor
 from sksurrogate.datasets import simulate_experiments
 from sksurrogate.effects import CATALOGUE, AugmentedSimulator
+from sksurrogate.exceptions import SimulatorError
+from sksurrogate.gap import GapDiagnoser
 from sksurrogate.physics import CalibratedSimulator, CallableSimulator, ODESimulator, StepSimulator
 
 U = np.repeat([[1.0], [-2.0], [0.5]], 8, axis=0)
@@ -117,6 +119,14 @@ def test_a_step_an_output_and_an_event_that_write():
     push = np.zeros((60, 1))
     found = ODESimulator(fall, **ball, events=[(when, jump)]).simulate(push)
     np.testing.assert_allclose(found, ODESimulator(fall, **ball, events=bounce).simulate(push), atol=1e-12)
+
+
+def test_a_step_that_forgets_dt_is_told_what_it_is_given():
+    simulator = StepSimulator(lambda t, x, u, p: x, states=["a"], inputs=["u"], outputs=["a"], dt=0.1)
+    with pytest.raises(
+        SimulatorError, match=r"step\(t, x, u, p, dt\) failed at t=0.*takes 4 positional arguments but 5"
+    ):
+        GapDiagnoser(simulator).fit(U, U)
 
 
 def shifts(U, x0=None, t=None):
