@@ -168,6 +168,8 @@ class HiddenEffect(BalanceEffect):
         Where it enters, as in :class:`BaseEffect`.
     variable : str, optional
         The signal that drives it.
+    settled : bool, default=True
+        Whether the hidden state begins every run at rest, as in simulations; else the diagnosis fits where it began.
 
     Examples
     --------
@@ -177,8 +179,18 @@ class HiddenEffect(BalanceEffect):
     """
 
     n_hidden: ClassVar[int] = 1
+    settled: bool = True
     rarity = 10.0
     linear = False
+
+    def __init__(self, location: str | None = None, variable: str | None = None, settled: bool = True):
+        super().__init__(location, variable)
+        self.settled = settled
+
+    @property
+    def at_rest(self) -> bool:
+        """As ``settled`` says."""
+        return self.settled
 
     def rest(self, v: np.ndarray, theta: Sequence[Any]) -> Sequence[Any]:
         """Hidden states (n_hidden entries) at the start of a run, given the variable there."""

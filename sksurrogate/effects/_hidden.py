@@ -152,9 +152,6 @@ class HiddenRelaxation(HiddenEffect):
     """A slow companion, such as a wall or creep: ``- c (v - z), dz/dt = (v - z)/time_constant``.
 
     Driven by an input it is the slow part of what this input does (the diffusion of a battery's cell): c has the sign of its gain.
-
-    ``settled``: whether the companion begins every run at rest, ``z(0) = v(0)``, as in simulations; else the diagnosis fits where it
-        began.
     """
 
     name = "hidden_relaxation"
@@ -171,15 +168,6 @@ class HiddenRelaxation(HiddenEffect):
     twins = ("exchange", "linear_loss", "hidden_mode", "sensor_lag", "input_lag")
     nests = ("linear_loss",)
     linear = True
-
-    def __init__(self, location: str | None = None, variable: str | None = None, settled: bool = True):
-        super().__init__(location, variable)
-        self.settled = settled
-
-    @property
-    def at_rest(self) -> bool:
-        """As ``settled`` says."""
-        return self.settled
 
     def either_sign(self, inputs: Collection[str]) -> bool:
         """Of an input, whose sign is a convention."""
@@ -265,11 +253,12 @@ class HiddenMode(HiddenEffect):
         return {"hidden_relaxation": (2.0 * damping / w,)} if damping > 1.0 else {}
 
     def plausible(self, theta: Sequence[float], probe: Probe) -> bool:
-        """It rings, slower than the samples, or relaxes within the runs."""
+        """It rings, slower than the samples, or relaxes within the runs; from a start of its own it rings once at least."""
         _, w, damping = theta
+        longest = max(probe.duration, probe.dt)
         if damping > 1.0:
-            return WITHIN_SAMPLE * probe.dt < 2.0 * damping / w < STILL * max(probe.duration, probe.dt)
-        return w * probe.dt < RINGS
+            return WITHIN_SAMPLE * probe.dt < 2.0 * damping / w < longest * (STILL if self.settled else 1.0 / FORGETS)
+        return w * probe.dt < RINGS and (self.settled or w * longest > 2.0 * np.pi)
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
         """Eight frequencies from two periods per run to six samples per period, lightly and well damped."""

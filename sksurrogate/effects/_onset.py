@@ -307,7 +307,9 @@ _KINDS: dict[tuple[type[BaseEffect], tuple[str, ...]], type[BaseEffect]] = {}
 
 
 def can_start(effect: BaseEffect) -> bool:
-    """Whether an effect can have a window: one that has parameters and no times of its own."""
+    """Whether an effect can have a window: one that has parameters and no times of its own, and is no state that a sensor shows."""
+    if isinstance(effect, HiddenEffect) and effect.kind == "output":
+        return False
     timed = any(p.name in ("time", "phase", *WINDOW) for p in effect.parameters)
     if isinstance(effect, ParameterEffect):  # a parameter that drifts does so from the start
         timed = timed or any(p.name == "rate" for p in effect.parameters)

@@ -20,20 +20,14 @@ class _UnsettledLag(HiddenEffect):
     """A lag from where its memory stood when a run began: a hidden state in place of a known start."""
 
     lag: ClassVar[type[InputLag | SensorLag]]  #: That begins at rest
-    settled = False
 
     def __init__(self, location: str | None = None):
-        super().__init__(location, location)
+        super().__init__(location, location, settled=False)
 
     @property
     def key(self) -> tuple[str, str | None, str | None]:
         """That of the lag: no other signal drives it."""
         return self.name, self.location, None
-
-    @property
-    def at_rest(self) -> bool:
-        """It need not be."""
-        return False
 
     @property
     def settled_form(self) -> BaseEffect:

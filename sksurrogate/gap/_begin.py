@@ -16,7 +16,7 @@ from sksurrogate._parallel._worker_process import WorkerProcess
 from sksurrogate.effects._allowed import allowed_effects, closed_places
 from sksurrogate.effects._base_effect import BaseEffect
 from sksurrogate.effects._catalogue import build_effects, left_out
-from sksurrogate.effects._hidden import HiddenRelaxation
+from sksurrogate.effects._hidden import HiddenMode, HiddenRelaxation, Hysteresis
 from sksurrogate.effects._input import InputLag, RememberingActuator
 from sksurrogate.effects._sensor import SensorDelay, SensorLag
 from sksurrogate.effects._still import driven_effects
@@ -49,6 +49,8 @@ from sksurrogate.physics._not_finite import finite_along
 from sksurrogate.physics._simulator import Plant
 from sksurrogate.runs import Runs
 
+#: Effects whose memory need not be at rest where a run begins.
+MAY_MOVE = (Hysteresis, HiddenRelaxation, HiddenMode)
 #: Seconds of a call from which some thousand calls take several minutes.
 SLOW_CALL = 0.1
 
@@ -169,7 +171,7 @@ def _candidates(task: Task, balances: Sequence[str]) -> list[BaseEffect]:
             found.append(UnsettledInputLag(one.location))
         if type(one) is SensorLag and task.plant.output_states is not None and task.plant.access != "trajectory":
             found.append(UnsettledSensorLag(one.location))
-        if isinstance(one, HiddenRelaxation) and one.settled:
+        if isinstance(one, MAY_MOVE) and one.settled:
             found.append(type(one)(one.location, one.variable, settled=False))
     return found
 

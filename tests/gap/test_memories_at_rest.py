@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from sksurrogate.effects import AugmentedSimulator
+from sksurrogate.effects import CATALOGUE, AugmentedSimulator
 from sksurrogate.effects._hidden import HiddenRelaxation
+from sksurrogate.gap import GapDiagnoser
 from sksurrogate.gap.fit._build import build_problem
 from sksurrogate.gap.search._ode_search import OdeSearch
 from sksurrogate.kernels.record import Record
@@ -37,3 +38,38 @@ def test_a_memory_is_kept_at_rest_unless_the_data_begin_elsewhere(before, at_res
         search.remember(order)
         (kept,) = search.fitted.values()
         assert kept.effects[0].at_rest is at_rest
+
+
+#: An oscillator, and what it lacks.
+SPRING = ODESimulator(
+    lambda t, x, u, p: (x[1], u[0] - p["c"] * x[1] - 6.0 * x[0] - 2.0 * x[0] ** 3),
+    states=["q", "v"], inputs=["f"], outputs=["q", "v"], params={"c": 0.4}, dt=0.02,
+)  # fmt: skip
+SOME = [
+    "hidden_mode",
+    "hysteresis",
+    "hidden_relaxation",
+    "cubic_stiffness",
+    "coulomb_friction",
+    "linear_loss",
+    "sensor_lag",
+    "parameter_error",
+]
+LACKING = {"hidden_mode": (8.0, 9.0, 0.04), "hysteresis": (6.0, 0.15)}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", LACKING)
+def test_runs_cut_out_of_one_record_begin_with_a_memory_in_motion(name):
+    """From rest alone a mode was given to another signal, with a false name beside it, and a hysteresis left a third more than the noise."""
+    rng, n = np.random.default_rng(0), 1300
+    U = np.repeat(rng.uniform(-4.0, 4.0, n // 25), 25)[:, None]
+    y = AugmentedSimulator(SPRING, [CATALOGUE[name]("v", "q")], [LACKING[name]]).simulate(U)
+    y += 0.005 * np.ptp(y, axis=0) * rng.normal(size=y.shape)
+    rows = np.concatenate([np.arange(a, a + 180) for a in (50, 260, 455, 700, 880, 1090)])
+    diagnoser = GapDiagnoser(SPRING, effects=SOME, free_params=[], random_state=0, n_jobs=1)
+    report = diagnoser.fit(U[rows], y[rows], groups=np.repeat(np.arange(6), 180)).report_
+    (found,) = report.effects
+    assert (report.verdict, found.name, found.location, found.variable) == ("explained", name, "v", "q"), str(report)
+    assert not found.settled and found.probability > 0.9
+    np.testing.assert_allclose(list(found.params.values()), LACKING[name], rtol=0.15)

@@ -5,12 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from sksurrogate.effects._catalogue import CATALOGUE
-from sksurrogate.effects._hidden import HiddenRelaxation
+from sksurrogate.effects._families import HiddenEffect
 from sksurrogate.effects._onset import WINDOW
 from sksurrogate.effects._smooth import KINK_SHARPNESS
 from sksurrogate.gap.render._values import is_wrong_parameter, number
 from sksurrogate.gap.results._effect_estimate import EffectEstimate
 from sksurrogate.gap.results._report_data import ReportData
+
+#: Effects that may begin elsewhere than at rest.
+_REMEMBERING = {name for name, kind in CATALOGUE.items() if issubclass(kind, HiddenEffect)}
 
 _BUILD = """\
 from sksurrogate.effects import {names}
@@ -98,7 +101,7 @@ def _made(effect: EffectEstimate) -> str:
     """``CATALOGUE["name"](place, variable)``, within its window and from its start where it has one."""
     given = [repr(place) for place in (effect.location, effect.variable) if place is not None]
     given += [] if effect.before is None else [f"before={effect.before!r}"]
-    given += ["settled=False"] if not effect.settled and effect.name == HiddenRelaxation.name else []
+    given += ["settled=False"] if not effect.settled and effect.name in _REMEMBERING else []
     given += [f"corner={number(effect.corner, 12)}"] if effect.corner else []
     made = f'CATALOGUE["{effect.name}"]({", ".join(given)})'
     span = tuple(name for name in effect.params if name in WINDOW)
