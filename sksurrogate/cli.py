@@ -22,6 +22,7 @@ from sksurrogate import __version__
 from sksurrogate._argument_order import positionals_first
 from sksurrogate._command_data import add_data, is_log, recording
 from sksurrogate._command_options import add_knowledge, knowledge_of
+from sksurrogate._command_parser import CommandParser
 from sksurrogate._csv import read_csv
 from sksurrogate._failures import failure_of
 from sksurrogate._printed import printed_as_errors
@@ -62,9 +63,7 @@ def _status(arguments: argparse.Namespace) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="sksurrogate", description="Diagnose the gap between a simulator and a real plant."
-    )
+    parser = CommandParser(prog="sksurrogate", description="Diagnose the gap between a simulator and a real plant.")
     parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
     commands = parser.add_subparsers(required=True, metavar="command")
     diagnose = commands.add_parser("diagnose", help="diagnose a simulator against a recording")
@@ -260,6 +259,8 @@ def _diagnose(arguments: argparse.Namespace) -> int:
 
     if arguments.jobs == 0:
         raise DataError("--jobs 0: give the number of worker processes, or -1 for one for each core.")
+    if not 0 <= arguments.seed < 2**32:
+        raise DataError(f"--seed {arguments.seed}: give a whole number from 0 to {2**32 - 1}.")
     read = {"the simulator": arguments.simulator.rpartition(":")[0], "the data": arguments.data}
     report = None if arguments.json == "-" else arguments.json
     _check_targets({"--html": arguments.html, "--save": arguments.save, "--json": report}, read)

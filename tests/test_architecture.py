@@ -18,6 +18,7 @@ FLOORS = (
         "export",
         "_argument_order",
         "_command_options",
+        "_command_parser",
         "_failures",
         "_headers",
         "_csv",

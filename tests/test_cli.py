@@ -241,6 +241,7 @@ OPTIONS = {
     "folder of the page": (["--html", "nowhere/x.html"], "there is no folder 'nowhere'; make it first"),
     "folder of the file": (["--save", "nowhere/x.json"], "there is no folder 'nowhere'; make it first"),
     "jobs": (["--jobs", "0"], "--jobs 0: give the number"),
+    "seed": (["--seed", "-1"], "--seed -1: give a whole number from 0 to"),
     "time of another unit": (["--time", "ms"], r"--time ms: the usual step of the data is 100, .*milliseconds"),
     "time with a hole": (
         ["--time", "uneven"],

@@ -5,6 +5,7 @@ import argparse
 import pytest
 
 from sksurrogate._command_options import add_knowledge, knowledge_of
+from sksurrogate.cli import main
 from sksurrogate.exceptions import DataError
 
 
@@ -60,3 +61,41 @@ def test_what_is_known_is_read_from_the_command_line(options, expected):
 def test_a_mistaken_option_is_named(options, message):
     with pytest.raises(DataError, match=message):
         knowledge_of(parsed(options))
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--time-limt", "5"], "unknown option --time-limt; did you mean --time-limit?"),
+        (["--n_jobs=2"], "unknown option --n_jobs; did you mean --jobs?"),
+        (["--xyzzy"], "unknown option --xyzzy"),
+        (["--jobs", "two"], "argument --jobs: invalid int value: 'two'"),
+    ],
+)
+@pytest.mark.parametrize("first", [True, False])
+def test_a_mistyped_option_is_told_in_one_line_with_the_nearest_one(words, said, first, capsys):
+    names = ["plant.py:plant", "data.csv"]
+    with pytest.raises(SystemExit) as ended:
+        main(["diagnose", *(words if first else names), *(names if first else words)])
+    assert ended.value.code == 2
+    assert capsys.readouterr().err.splitlines() == [
+        f"sksurrogate: {said}",
+        "sksurrogate diagnose --help lists all options.",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["diagnose", "plant.py:plant"], "required: data"),
+        (["diagnose", "--quite", "plant.py:plant"], "did you mean --quiet?"),
+        (["diagnose", "plant.py:plant", "data.csv", "more.csv"], "'more.csv' belongs to no option"),
+        (["--verison"], "unknown option --verison; did you mean --version?"),
+        (["blind", "--case-count", "3"], "unknown option --case-count; did you mean --cases?"),
+    ],
+)
+def test_words_that_do_not_fit_are_told_without_the_usage(words, said, capsys):
+    with pytest.raises(SystemExit):
+        main(words)
+    err = capsys.readouterr().err
+    assert said in err and "usage:" not in err
