@@ -53,12 +53,14 @@ def knowledge_of(arguments: argparse.Namespace) -> dict[str, Any]:
     return {
         "time_limit": limit,
         "clock_offset": offset,
-        "exclude": [_effect_or_place("--exclude", text) for text in arguments.exclude],
+        "exclude": [_effect_or_place("--exclude", text) for text in arguments.exclude] or (),
         "plausible": [_effect_or_place("--plausible", text) for text in arguments.plausible] or None,
         "bounds": {
             name: _bounds(text, value) for text in arguments.bounds for name, value in [_split("--bounds", text)]
-        },
-        "priors": {name: _prior(text, value) for text in arguments.prior for name, value in [_split("--prior", text)]},
+        }
+        or None,
+        "priors": {name: _prior(text, value) for text in arguments.prior for name, value in [_split("--prior", text)]}
+        or None,
     }
 
 

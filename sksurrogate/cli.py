@@ -25,6 +25,7 @@ from sksurrogate._command_options import add_knowledge, knowledge_of
 from sksurrogate._command_parser import CommandParser
 from sksurrogate._csv import read_csv
 from sksurrogate._failures import failure_of
+from sksurrogate._in_options import in_options
 from sksurrogate._printed import printed_as_errors
 from sksurrogate._swapped import swapped_columns
 from sksurrogate._terminal import safe_terminal
@@ -54,7 +55,7 @@ def _status(arguments: argparse.Namespace) -> int:
     try:
         return int(arguments.action(arguments))
     except SurrogateError as error:
-        print(f"sksurrogate: {error}", file=sys.stderr)
+        print(f"sksurrogate: {in_options(str(error))}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         when = "while results were written" if getattr(arguments, "known", False) else "before anything was known"
@@ -271,7 +272,7 @@ def _diagnose(arguments: argparse.Namespace) -> int:
         simulator = clone(simulator).set_params(units={**units, **units_of(simulator)})
     timed = X if clock is None else np.column_stack([X, clock])
     column = None if clock is None else X.shape[1]
-    free: Any = "all" if arguments.free == ["all"] else tuple(arguments.free)
+    free: Any = "all" if arguments.free == ["all"] else arguments.free
     diagnoser = GapDiagnoser(
         simulator,
         effects=arguments.effects,
@@ -332,7 +333,7 @@ def _handed_over(report: Any, better: Any, arguments: argparse.Namespace) -> int
 
 def _warned(message: Warning | str, *more: Any, **others: Any) -> None:
     """A warning in one line."""
-    print(f"sksurrogate: {message}", file=sys.stderr)
+    print(f"sksurrogate: {in_options(str(message))}", file=sys.stderr)
 
 
 def _ended(report: Any, written: bool) -> int:

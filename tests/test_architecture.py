@@ -21,6 +21,7 @@ FLOORS = (
         "_command_parser",
         "_failures",
         "_headers",
+        "_in_options",
         "_csv",
         "_fingerprint",
         "_domain",

@@ -189,7 +189,7 @@ def test_an_effect_that_is_not_in_the_catalogue_is_said_in_one_line(folder, caps
     words = ["diagnose", f"{folder / 'plant.py'}:plant", str(folder / "data.csv"), "--columns", "flow=q (m^3/s)"]
     assert main([*words, "--run", "experiment", "--effects", "sensor_bia"]) == 2
     assert capsys.readouterr().err.startswith(
-        "sksurrogate: effects: 'sensor_bia' is not in the catalogue; did you mean"
+        "sksurrogate: --effects: 'sensor_bia' is not in the catalogue; did you mean"
     )
 
 

@@ -1,12 +1,23 @@
 """Options of the command line that hold what a user knows."""
 
 import argparse
+import inspect
 
 import pytest
 
 from sksurrogate._command_options import add_knowledge, knowledge_of
+from sksurrogate._in_options import OPTION_OF
+from sksurrogate.blind import run_blind_check
 from sksurrogate.cli import main
 from sksurrogate.exceptions import DataError
+from sksurrogate.gap import GapDiagnoser
+
+PLANT = """
+from sksurrogate.physics import ODESimulator
+def rhs(t, x, u, p):
+    return [u[0] - p["k"] * x[0]]
+plant = ODESimulator(rhs, states=["level"], inputs=["flow"], outputs=["level"], params={"k": 1.0}, dt=0.1)
+"""
 
 
 def parsed(options):
@@ -37,10 +48,10 @@ def test_what_is_known_is_read_from_the_command_line(options, expected):
     assert found == {
         "time_limit": None,
         "clock_offset": 0.0,
-        "exclude": [],
+        "exclude": (),
         "plausible": None,
-        "bounds": {},
-        "priors": {},
+        "bounds": None,
+        "priors": None,
         **expected,
     }
 
@@ -99,3 +110,39 @@ def test_words_that_do_not_fit_are_told_without_the_usage(words, said, capsys):
         main(words)
     err = capsys.readouterr().err
     assert said in err and "usage:" not in err
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--free", "q"], "--free: the simulator has no parameter 'q'; it has ['k']."),
+        (["--free", "k", "k"], "--free k k: 'k' is listed twice; list each parameter once."),
+        (["--bounds", "q=0:1"], "--bounds names 'q', which is not a parameter of the simulator"),
+        (["--bounds", "k=2:1"], "--bounds k=2:1: expected NAME=LOW:HIGH with LOW below HIGH; an empty side is open."),
+        (["--bounds", "k=-2:-1"], "--bounds k=-2:-1 holds no value of the sign of the simulator's k=1"),
+        (["--prior", "k=-1"], "--prior k=-1: expected a relative standard deviation above 0, for instance 0.05, or "
+         "MEAN:SD in the unit of k, for instance 1:0.05."),
+        (["--effects", "drag"], "--effects: 'drag' is not in the catalogue; did you mean 'quadratic_drag'"),
+        (["--exclude", "bias@here"], "--exclude bias@here: 'bias' is not an effect (did you mean"),
+        (["--exclude", "drift", "*"], "--exclude drift * leaves none of the "),
+        (["--plausible", "nowhere"], "effect@place or effect@place@variable, or places of the simulator, for example "
+         "--plausible drift *friction@speed level."),
+    ],
+)  # fmt: skip
+def test_errors_of_a_diagnosis_name_the_option_as_it_was_typed(options, said, tmp_path, capsys):
+    (tmp_path / "plant.py").write_text(PLANT)
+    (tmp_path / "data.csv").write_text("\n".join(["flow,level", *(f"{k % 3},{k % 2}" for k in range(20))]))
+    assert main(["diagnose", f"{tmp_path / 'plant.py'}:plant", str(tmp_path / "data.csv"), "--quiet", *options]) == 2
+    err = capsys.readouterr().err
+    assert said in err and not any(f"{name}=" in err for name in OPTION_OF)
+
+
+def test_every_parameter_that_is_said_as_an_option_has_one(capsys):
+    known = inspect.signature(GapDiagnoser).parameters.keys() | inspect.signature(run_blind_check).parameters.keys()
+    assert known >= OPTION_OF.keys()
+    shown = ""
+    for command in ("diagnose", "blind"):
+        with pytest.raises(SystemExit):
+            main([command, "--help"])
+        shown += capsys.readouterr().out
+    assert all(option in shown for option in OPTION_OF.values())

@@ -60,8 +60,8 @@ def at_a_bound(retuned: Table) -> list[str]:
     if not held:
         return []
     return [
-        f"Re-tuned to a bound: {', '.join(held)}. The data ask for a value beyond it: the bound is too tight (without "
-        "one in bounds=, 55 times or 1/55 of the nominal value), or the parameter makes up for something else."
+        f"Re-tuned to a bound: {', '.join(held)}. The data ask for a value beyond it: the bound is too tight (where "
+        "none was given, it is 55 times or 1/55 of the nominal value), or the parameter makes up for something else."
     ]
 
 
