@@ -24,7 +24,7 @@ from sksurrogate._command_data import add_data, is_log, recording
 from sksurrogate._command_options import add_knowledge, knowledge_of
 from sksurrogate._command_parser import CommandParser
 from sksurrogate._csv import read_csv
-from sksurrogate._failures import failure_of
+from sksurrogate._failures import failure_of, line_in
 from sksurrogate._in_options import in_options
 from sksurrogate._printed import printed_as_errors
 from sksurrogate._swapped import swapped_columns
@@ -182,8 +182,9 @@ def load_simulator(reference: str) -> Any:
         with printed_as_errors():
             spec.loader.exec_module(module)
     except (Exception, SystemExit) as error:
+        place = f", in {where}" if (where := line_in(file, error)) else ""
         raise SimulatorError(
-            f"{file} fails when it is read: {type(error).__name__}: {error}. Try  python {file}  first."
+            f"{file} fails when it is read{place}: {type(error).__name__}: {error}. Try  python {file}  first."
         ) from error
     finally:
         sys.path.pop(0)

@@ -135,7 +135,24 @@ def test_a_simulator_that_always_raises_is_named_with_its_line(folder, capsys):
     (folder / "away.py").write_text(PLANT.replace("    return [", "    raise RuntimeError('no licence')\n    return ["))
     assert main(["diagnose", f"{folder / 'away.py'}:plant", str(folder / "data.csv"), "--quiet"]) == 2
     err = capsys.readouterr().err
-    assert "away.py:plant fails in line 4 of away.py: RuntimeError: no licence. See that its simulate answers" in err
+    assert (
+        "fails in line 4 of away.py, `raise RuntimeError('no licence')`: RuntimeError: no licence. See that its" in err
+    )
+
+
+@pytest.mark.parametrize(
+    ("body", "said"),
+    [
+        ("return [u[0] - p['q'] * x[0]]", "line 4 of away.py, `return [u[0] - p['q'] * x[0]]`: rhs(t, x, u, p) failed"),
+        ("return [float(str(x))]", "line 4 of away.py, `return [float(str(x))]`: rhs(t, x, u, p) failed at t=0"),
+        ("if t > 3.0: raise ValueError('stuck')\n    return [u[0] - x[0]]",
+         "last raised ValueError: stuck (line 4 of away.py, `if t > 3.0: raise ValueError('stuck')`), at t=3.0"),
+    ],
+)  # fmt: skip
+def test_what_a_right_hand_side_raises_is_told_with_its_line(body, said, folder, capsys):
+    (folder / "away.py").write_text(PLANT.replace('return [u[0] - p["k"] * x[0]]', body))
+    assert main(["diagnose", f"{folder / 'away.py'}:plant", str(folder / "data.csv"), "--quiet"]) == 2
+    assert said in capsys.readouterr().err
 
 
 def test_mistakes_name_line_and_column(folder, capsys):
@@ -265,9 +282,12 @@ def test_an_option_with_a_mistake_gets_a_way_out(case, folder, capsys):
 @pytest.mark.parametrize(
     ("source", "message"),
     [
-        ("import nothing_here", r"fails when it is read: ModuleNotFoundError.*Try  python"),
-        ("raise SystemExit(3)", "fails when it is read: SystemExit"),
-        ("def plant(:", "fails when it is read: SyntaxError"),
+        (
+            "import nothing_here",
+            r"is read, in line 1 of plant.py, `import nothing_here`: ModuleNotFoundError.*Try  python",
+        ),
+        ("raise SystemExit(3)", "fails when it is read, in line 1 of plant.py.*: SystemExit"),
+        ("k = 1\ndef plant(:", r"fails when it is read, in line 2 of plant.py, `def plant\(:`: SyntaxError"),
     ],
 )
 def test_a_simulator_file_that_fails(source, message, tmp_path):

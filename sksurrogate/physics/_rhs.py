@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from sksurrogate._failures import line_in
 from sksurrogate.exceptions import SimulatorError
 from sksurrogate.physics._branches import Branches
 from sksurrogate.physics._foreign import REFUSALS, offered
@@ -274,18 +275,20 @@ class PointwiseFunction:
         n_points = x.shape[1]
         times = np.broadcast_to(t, (n_points,))
         varied = {k: v for k, v in p.items() if isinstance(v, np.ndarray) and v.ndim > 0}
-        out = np.full((self.size, n_points), np.nan)
+        out, cause, last = np.full((self.size, n_points), np.nan), None, 0
         for m in np.flatnonzero(offered(times, x, u, *varied.values())):
             q = {**p, **{k: float(v[m]) for k, v in varied.items()}} if varied else p
             try:
                 out[:, m] = self._one(float(times[m]), x[:, m], u[:, m], q, *extra)
             except Exception as error:
-                cause = self._check_refused(error)
-                words = f"{type(cause).__name__}: {cause}"
-                self.raised[words] = None
-                self.refusal = (
-                    f" {self.what} last raised {words}, at t={times[m]:g}, x={x[:, m].tolist()}, u={u[:, m].tolist()}."
-                )
+                last, cause = int(m), self._check_refused(error)
+                self.raised[f"{type(cause).__name__}: {cause}"] = None
+        if cause is not None:
+            place = f" ({where})" if (where := line_in(None, cause)) else ""
+            self.refusal = (
+                f" {self.what} last raised {type(cause).__name__}: {cause}{place}, at t={times[last]:g}, x={x[:, last].tolist()}, "
+                f"u={u[:, last].tolist()}."
+            )
         return out
 
 
