@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sksurrogate.effects import CATALOGUE, AugmentedSimulator, starting
+from sksurrogate.effects import CATALOGUE, AugmentedSimulator, save_augmented, starting
 from sksurrogate.gap import EffectEstimate, GapDiagnoser, GapReport
 from sksurrogate.gap._provenance import _settings
 from sksurrogate.gap.render._code import code_of
@@ -29,7 +29,8 @@ from sksurrogate.gap.results._shrink import Shrink
 from sksurrogate.gap.results._table import Table
 from sksurrogate.gap.results._trace import Trace
 from sksurrogate.gap.results._where import Where
-from sksurrogate.physics import ODESimulator
+from sksurrogate.physics import CallableSimulator, ODESimulator, StepSimulator
+from sksurrogate.physics._simulator import describe
 
 WRONG = EffectEstimate(
     "parameter_error", "second", None, 0.97, {"relative_error": 0.6662}, {"relative_error": (0.66, 0.67)}, 0.9995
@@ -177,27 +178,68 @@ def bare(t, x, u, p):
     return [u[0] - p["k"] * x[0]]
 
 
-def test_the_code_to_paste_gives_the_augmented_simulator(diagnoser, monkeypatch):
-    pytest.importorskip("control")
+def test_the_code_to_paste_gives_the_augmented_simulator(diagnoser):
     found = diagnoser.report_
     assert found.effects[0].name == "quadratic_drag"
-    code = code_of(found).replace("from my_plant import plant as simulator", "simulator = given")
-    U = np.linspace(0, 2, 50)[:, None]
-    names = {"given": diagnoser.simulator, "U": U, "x0": [0.5], "u0": [1.0]}
-    exec(code, names)
-    np.testing.assert_allclose(names["Y"], diagnoser.augmented_.simulate(U, x0=[0.5]), atol=1e-9)
-    assert names["local"].A.shape == (1, 1) and names["K"].shape == (1, 1)
+    names = {"diagnoser": diagnoser, "U": np.linspace(0, 2, 50)[:, None]}
+    exec(code_of(found), names)
+    np.testing.assert_allclose(names["Y"], diagnoser.augmented_.simulate(names["U"]), atol=1e-9)
+    assert names["local"].A.shape == (1, 1)
+
+
+def ramp(t, x, u, p):
+    return [x[1], u[0] - p["k"] * x[1]]
+
+
+def next_speed(t, x, u, p, dt):
+    return [x[0] + dt * (u[0] - p["k"] * x[0])]
+
+
+SIMULATORS = {
+    "a right-hand side without a state at rest": ODESimulator(
+        ramp, states=["place", "speed"], inputs=["u"], outputs=["speed"], params={"k": 1.0}, dt=0.1
+    ),
+    "a step": StepSimulator(next_speed, params={"k": 1.0}, **KNOWN),
+    "simulate alone": CallableSimulator(lambda U: np.cumsum(U, axis=0), inputs=["u"], outputs=["speed"], dt=0.1),
+}
+
+
+@pytest.mark.parametrize("kind", SIMULATORS)
+@pytest.mark.parametrize("from_file", [True, False])
+def test_the_code_to_paste_runs_where_the_inputs_are_all_that_is_known(kind, from_file, monkeypatch):
+    """Beside the diagnoser, and from the page of a command."""
+    plant = describe(SIMULATORS[kind])
+    biased = EffectEstimate("input_bias", "u", None, 1.0, {"value": 0.25}, {}, 1.0)
+    origin = Provenance(
+        simulator="plants/a.py:plant" if from_file else type(plant.simulator).__name__, access=plant.access
+    )
+    made = report(biased, states=plant.states, inputs=plant.inputs, outputs=plant.outputs, provenance=origin)
+    monkeypatch.setattr("sksurrogate.cli.load_simulator", {"plants/a.py:plant": plant.simulator}.__getitem__)
+    names = {"U": np.ones((20, 1)), **({} if from_file else {"diagnoser": GapDiagnoser(plant.simulator)})}
+    exec(code_of(made), names)
+    np.testing.assert_allclose(names["Y"], plant.simulator.simulate(1.25 * names["U"]))
+    assert ("local" in names) == (kind != "simulate alone")
+
+
+def test_the_code_of_a_command_reads_a_law_from_the_file_that_it_saves(tmp_path, monkeypatch):
+    own = EffectEstimate("of_my_own", "speed", "speed", 1.0, {"c": 0.5}, {}, 1.0)
+    given, origin = SIMULATORS["a step"], Provenance(simulator="a.py:plant", access="step")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("sksurrogate.cli.load_simulator", {"a.py:plant": given}.__getitem__)
+    save_augmented(
+        AugmentedSimulator(given, [CATALOGUE["input_bias"]("u")], [{"value": 0.25}]), tmp_path / "better.json"
+    )
+    names = {"U": np.ones((20, 1))}
+    exec(code_of(report(own, provenance=origin)), names)
+    np.testing.assert_allclose(names["Y"], given.simulate(1.25 * names["U"]))
 
 
 def test_the_code_of_an_effect_that_begins_in_some_runs_is_that_effect(diagnoser):
     found = diagnoser.report_
     late = {**found.effects[0].params, "onset": 1.5}
     effects = [replace(found.effects[0], params=late, runs=(3, 1))]
-    code = code_of(replace(found, effects=effects)).replace(
-        "from my_plant import plant as simulator", "simulator = given"
-    )
-    names = {"given": diagnoser.simulator}
-    exec(code.split("Y = model")[0], names)
+    names = {"diagnoser": diagnoser}
+    exec(code_of(replace(found, effects=effects)).split("Y = model")[0], names)
     drag = starting(CATALOGUE["quadratic_drag"]("speed", "speed"))
     own, U = AugmentedSimulator(diagnoser.simulator, [drag], [late], diagnoser.augmented_.retuned), np.ones((50, 1))
     np.testing.assert_allclose(names["model"].simulate(U), own.simulate(U), atol=1e-6)

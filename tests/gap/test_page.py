@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from sksurrogate.gap import EffectEstimate, GapReport
-from sksurrogate.gap.render._code import _reference
 from sksurrogate.gap.render._page import html_fragment, html_page
 from sksurrogate.gap.render._script import SCRIPT
 from sksurrogate.gap.render._svg import Line, Panel, bars, figure, limits, ticks
@@ -161,21 +160,6 @@ def test_bars_are_in_proportion():
 def test_a_constant_signal_has_an_axis():
     low, high = limits([np.full(3, 7.0)])
     assert low < 7.0 < high
-
-
-@pytest.mark.parametrize(
-    ("typed", "module", "name"),
-    [
-        ("plant.py:tank", "plant", "tank"),
-        ("work/my_plant.py:tank", "my_plant", "tank"),
-        ("C:\\\\work\\\\plant.py:tank", "plant", "tank"),
-        ("my-plant.py:tank", "my_plant", "plant"),
-        ("plant.py:tanks[0]", "my_plant", "plant"),
-        ("", "my_plant", "plant"),
-    ],
-)
-def test_the_code_imports_the_simulator_as_it_was_typed(typed, module, name):
-    assert _reference(typed) == (module, name)
 
 
 def test_lines_are_named_once_above_the_first_panel_that_has_them():

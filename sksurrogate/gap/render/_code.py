@@ -1,8 +1,10 @@
-"""Code to paste: the corrected simulator, a simulation, a linearisation, a controller."""
+"""Code to paste: the corrected simulator, a simulation, a linearisation."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+
+import numpy as np
 
 from sksurrogate.effects._catalogue import CATALOGUE
 from sksurrogate.effects._families import HiddenEffect
@@ -15,32 +17,43 @@ from sksurrogate.gap.results._report_data import ReportData
 #: Effects that may begin elsewhere than at rest.
 _REMEMBERING = {name for name, kind in CATALOGUE.items() if issubclass(kind, HiddenEffect)}
 
+_FROM_FILE = """\
+from sksurrogate.cli import load_simulator
+
+simulator = load_simulator({reference!r})
+
+"""
+_FROM_DIAGNOSER = """\
+
+simulator = diagnoser.simulator  # as it was diagnosed
+"""
 _BUILD = """\
 from sksurrogate.effects import {names}
-from {module} import {name} as simulator  # as it was diagnosed
-
-model = AugmentedSimulator(
+{simulator}model = AugmentedSimulator(
     simulator,
     effects=[{effects}],
     values=[{values}],{options}
 )
 """
-_FROM_DIAGNOSER = """\
+_AUGMENTED = """\
 model = diagnoser.augmented_
 """
+_SAVED = """\
+from sksurrogate.effects import load_augmented
+{simulator}model = load_augmented(simulator, "better.json")  # which the command writes with --save better.json
+"""
 _SIMULATE = """\
-Y = model.simulate(U, x0=x0)  # U: (n_samples, {n_inputs}), columns {inputs}
+# U: the inputs of one run, (n_samples, {n_inputs}), columns {inputs}
+Y = model.simulate(U)  # from the initial state of the simulator; x0=[...] is another one
 """
 _LINEARISE = """
-from sksurrogate.physics import linearise, steady_state
+from sksurrogate.physics import linearise
 
-x = steady_state(model, u0)
-local = linearise(model, x, u0)  # local.states, local.A, local.B, local.C, local.D
-"""
-_CONTROL = """
-import control, numpy as np
-
-K, S, poles = control.lqr(local.to_control(), np.eye(len(local.A)), np.eye({n_inputs}))
+states, _ = model.simulate_states(U)
+k = len(U) // 2  # the sample about which the model is linearised
+local = linearise(model, states[k], U[k])  # local.states, local.A, local.B, local.C, local.D
+# sksurrogate.physics.steady_state(model, U[k]) is the state at rest, where the plant has one
+# local.to_control() is a system of python-control, for control.lqr and the like
 """
 
 
@@ -49,21 +62,19 @@ def code_of(report: ReportData) -> str:
 
     The effects of the catalogue are written out with their numbers; others are taken from the diagnoser.
     """
-    n_states, n_inputs = len(report.states), len(report.inputs)
-    names = {"n_inputs": n_inputs, "inputs": list(report.inputs)}
-    out = _built(report) + "\n" + _SIMULATE.format(**names)
-    if n_states and n_inputs and report.provenance.access != "trajectory":
-        out += _LINEARISE + _CONTROL.format(**names)
-    return out
+    n_inputs = len(report.inputs)
+    out = _built(report) + "\n" + _SIMULATE.format(n_inputs=n_inputs, inputs=list(report.inputs))
+    return out + _LINEARISE if len(report.states) and n_inputs and report.provenance.access != "trajectory" else out
 
 
 def _built(report: ReportData) -> str:
     """How the corrected simulator is made."""
     retuned = {str(row["parameter"]): float(row["value"]) for row in report.retuned}
     effects = [e for e in report.effects if not (is_wrong_parameter(e) and e.location in retuned)]
+    reference = report.provenance.simulator
+    simulator = _FROM_FILE.format(reference=reference) if ":" in reference else _FROM_DIAGNOSER
     if not all(effect.name in CATALOGUE for effect in effects) or report.certified_law is not None:
-        return _FROM_DIAGNOSER
-    module, name = _reference(report.provenance.simulator)
+        return _SAVED.format(simulator=simulator) if ":" in reference else _AUGMENTED
     options = []
     if retuned:
         options.append(f"retuned={_numbers(retuned)},")
@@ -76,8 +87,7 @@ def _built(report: ReportData) -> str:
         sharpness = number(report.sharpness, 12)
         options.append(f"sharpness={sharpness},  # these sizes over the width of the kinks, as fitted")
     return _BUILD.format(
-        module=module,
-        name=name,
+        simulator=simulator,
         effects=", ".join(made := [*map(_made, effects)]),
         names=f"CATALOGUE, AugmentedSimulator{', starting' if any(one.startswith('starting') for one in made) else ''}",
         values=", ".join(_numbers(effect.params) for effect in effects),
@@ -88,13 +98,6 @@ def _built(report: ReportData) -> str:
 def _runs(effects: Sequence[EffectEstimate]) -> str:
     """Labels of the runs of every effect, None for all."""
     return f"[{', '.join('None' if effect.runs is None else repr(list(effect.runs)) for effect in effects)}]"
-
-
-def _reference(simulator: str) -> tuple[str, str]:
-    """Module and name: of ``plant.py:plant``, else placeholders."""
-    file, _, name = simulator.rpartition(":")
-    module = file.replace("\\", "/").rpartition("/")[2].removesuffix(".py")
-    return (module, name) if module.isidentifier() and name.isidentifier() else ("my_plant", "plant")
 
 
 def _made(effect: EffectEstimate) -> str:
@@ -110,4 +113,9 @@ def _made(effect: EffectEstimate) -> str:
 
 def _numbers(values: Mapping[str, float]) -> str:
     """A dict of numbers as Python writes it."""
-    return "{" + ", ".join(f"{name!r}: {number(value, 12)}" for name, value in values.items()) + "}"
+    return "{" + ", ".join(f"{name!r}: {_written(value)}" for name, value in values.items()) + "}"
+
+
+def _written(value: float) -> str:
+    """A number as Python reads it."""
+    return number(value, 12) if np.isfinite(value) else f'float("{value}")'
