@@ -63,7 +63,13 @@ def test_what_makes_left_out_runs_worse_is_called_no_help():
         before=0.1, after=0.02, floor=0.01, after_retuning=0.2, after_correction=0.05, after_law=np.nan
     )
     labels = [label for label, _ in waterfall(SimpleNamespace(shrink=shrink, effects=["friction"], law=None))]
-    assert labels == ["simulator", "parameters re-tuned (no help)", "generic correction", "with the effects", "noise"]
+    assert labels == [
+        "simulator",
+        "re-tuned parameters alone (no help)",
+        "generic correction",
+        "with the effects",
+        "noise",
+    ]
 
 
 @pytest.mark.parametrize(

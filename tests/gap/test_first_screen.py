@@ -81,7 +81,18 @@ def test_an_effect_that_is_not_certain_is_named_with_its_probability():
 def test_a_free_parameter_that_moved_is_a_change_too():
     row = {"parameter": "k", "nominal": 2.0, "value": 3.0, "low": 2.9, "high": 3.1, "moved": True}
     made = report(FRICTION, retuned=Table((row, {**row, "parameter": "calm", "moved": False})), units={"k": "N/m"})
-    assert changes(made)[1] == ("re-tuned", ["k: 2 -> 3 N/m [2.9, 3.1]", "no clear change: calm"], "")
+    lines = ["k: 2 -> 3 N/m [2.9, 3.1]", "90 % interval holds the value before: calm"]
+    assert changes(made)[1] == ("re-tuned", lines, "")
+
+
+def test_a_share_of_amplitude_beside_a_budget_of_power_is_said_in_both_units():
+    row = {"part": "friction", "kind": "effect", "share": 0.91, "low": 0.9, "high": 0.92}
+    made = report(FRICTION, shrink=Shrink(1.0, 0.3, 0.02, 0.698, (0.68, 0.71)), budget=Table((row,)))
+    said = "Where 69.8 % of the gap is closed, that is its amplitude: 1 - (1 - 0.698)^2 = 90.9 % of its power."
+    assert said in " ".join(terminal_page(made).split()) and said in html_page(made)
+    for whole in (1.0, 0.98, -0.2, np.nan):
+        made = report(FRICTION, shrink=Shrink(1.0, 0.3, 0.02, whole, (0.68, 0.71)), budget=Table((row,)))
+        assert "its amplitude" not in terminal_page(made) + html_page(made)
 
 
 def test_richer_forms_are_not_needed_and_ask_for_no_experiment():

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import itertools
+import textwrap
 from collections.abc import Mapping, Sequence
 from html import escape
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from sksurrogate.gap.render._values import percent
 from sksurrogate.gap.results._table import Table
 
 
@@ -26,6 +28,8 @@ _LOOKS = {
     "unnamed law": _Kind("?", ("#e69f00",), "a law without a name"),
     "disturbance": _Kind(".", ("#bbbbbb",), "disturbance (not repeatable)"),
 }
+#: A share of amplitude and one of power that are nearer to each other than this pass for the same.
+_SEEN_APART = 0.05
 #: Parts below this share are left out of the text, unless they are effects.
 _LEAST_SHARE = 0.0005
 
@@ -35,8 +39,22 @@ def listed_parts(budget: Table) -> list[Mapping[str, Any]]:
     return [row for row in budget if row["kind"] == "effect" or row["share"] >= _LEAST_SHARE]
 
 
-def budget_lines(budget: Table, width: int) -> list[str]:
+def of_power(closed: float) -> str:
+    """How a share of the gap's amplitude, as the other lines of a report give it, stands in a budget of power; empty where both are about the same.
+
+    >>> of_power(0.698)
+    'Where 69.8 % of the gap is closed, that is its amplitude: 1 - (1 - 0.698)^2 = 90.9 % of its power.'
+    """
+    power = 1.0 - (1.0 - closed) ** 2
+    if not power - closed > _SEEN_APART:
+        return ""
+    return f"Where {percent(closed)} of the gap is closed, that is its amplitude: 1 - (1 - {closed:.3f})^2 = {percent(power)} of its power."
+
+
+def budget_lines(budget: Table, width: int, closed: float = np.nan) -> list[str]:
     """A bar of letters and one line a part.
+
+    ``closed``: share of the gap's amplitude that the report says to be closed.
 
     >>> rows = ({"part": "friction", "kind": "effect", "share": 0.75, "low": 0.7, "high": 0.8},
     ...         {"part": "disturbance", "kind": "disturbance", "share": 0.25, "low": 0.2, "high": 0.3})
@@ -55,7 +73,8 @@ def budget_lines(budget: Table, width: int) -> list[str]:
     counts = np.diff(ends, prepend=0)
     bar = "".join(_LOOKS[row["kind"]].letter * int(count) for row, count in zip(rows, counts))
     lines = ["Budget of the gap (shares of its power on held-out runs, 90 %)", f"  [{bar:<{room}}]"]
-    return lines + [f"  {_LOOKS[row['kind']].letter} {_percent(row)} {part_name(row)}" for row in rows]
+    lines += [f"  {_LOOKS[row['kind']].letter} {_percent(row)} {part_name(row)}" for row in rows]
+    return lines + textwrap.wrap(of_power(closed), width, initial_indent="  ", subsequent_indent="  ")
 
 
 def fills(rows: Sequence[Mapping[str, Any]]) -> list[str]:
@@ -68,8 +87,11 @@ def fills(rows: Sequence[Mapping[str, Any]]) -> list[str]:
     return [next(fills_of[row["kind"]]) for row in rows]
 
 
-def budget_html(budget: Table) -> str:
-    """One bar with its legend; empty where there is no gap."""
+def budget_html(budget: Table, closed: float = np.nan) -> str:
+    """One bar with its legend; empty where there is no gap.
+
+    ``closed``: share of the gap's amplitude that the report says to be closed.
+    """
     rows = listed_parts(budget)
     if not rows:
         return ""
@@ -80,8 +102,8 @@ def budget_html(budget: Table) -> str:
         legend += f'<li><span class="key" style="background:{fill}"></span>{_percent(row)} {name}</li>'
     return (
         f'<figure class="budget"><div class="budgetbar" role="img" aria-label="budget of the gap">{parts}</div>'
-        f"<ul>{legend}</ul><figcaption>Budget of the gap: shares of its power on held-out runs, with 90 % intervals."
-        "</figcaption></figure>"
+        f"<ul>{legend}</ul><figcaption>Budget of the gap: shares of its power on held-out runs, with 90 % intervals. "
+        f"{of_power(closed)}</figcaption></figure>"
     )
 
 

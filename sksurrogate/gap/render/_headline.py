@@ -56,7 +56,7 @@ def changes(report: ReportData) -> list[tuple[str, list[str], str]]:
     moved = [_retuned(row, report) for row in rows if row.get("moved")]
     as_before = [str(row["parameter"]) for row in rows if not row.get("moved")]
     if as_before:
-        moved.append(f"no clear change: {', '.join(as_before)}")
+        moved.append(f"90 % interval holds the value before: {', '.join(as_before)}")
     return [*out, ("re-tuned", moved, "")] if moved else out
 
 

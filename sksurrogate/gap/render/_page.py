@@ -84,7 +84,7 @@ def _first_screen(report: ReportData) -> str:
     parts.append(f"{escape(report.verdict)}</span> {escape(headline(report))}</h1>")
     if not report.complete:
         parts.append("<p><strong>Interrupted:</strong> this page holds the results so far.</p>")
-    parts.append(budget_html(report.budget))
+    parts.append(budget_html(report.budget, report.shrink.fraction))
     for what, lines, sure in changes(report):
         body = "".join(f'<p class="change">{escape(line)}</p>' for line in lines)
         sure = f'<p class="small">{escape(sure)}</p>' if sure else ""

@@ -26,7 +26,7 @@ def waterfall(report: ReportData) -> list[tuple[str, float]]:
 
     rows = [
         ("simulator", s.before),
-        (helps("parameters re-tuned", s.after_retuning), s.after_retuning),
+        (helps("re-tuned parameters alone", s.after_retuning), s.after_retuning),
         (helps("generic correction", s.after_correction), s.after_correction),
         ("with the effects", s.after if report.effects else np.nan),
         (
