@@ -111,9 +111,9 @@ def experiments(rows: Sequence[Row]) -> list[dict[str, Any]]:
         _pair("mean size of the class after", held, "class_after", "class_repeated", np.mean),
         _pair("share with the true effect still named", held, "truth_after", "truth_repeated", np.mean),
         _alone(held),
-        _pair("lead of the true effect before, nats (median)", lead, "lead_before", "lead_before", np.median),
-        _pair("lead of the true effect after, nats (median)", lead, "lead_after", "lead_repeated", np.median),
-        {"next experiment": "gain expected, nats (median)", "same run again": "", "cases": len(held),
+        _pair("lead of the true effect before, log-likelihood difference (median)", lead, "lead_before", "lead_before", np.median),
+        _pair("lead of the true effect after, log-likelihood difference (median)", lead, "lead_after", "lead_repeated", np.median),
+        {"next experiment": "log-likelihood difference expected (median)", "same run again": "", "cases": len(held),
          "suggested": float(np.median([r["gain_expected"] for r in held if r["gain_expected"] is not None]))},
     ]  # fmt: skip
 

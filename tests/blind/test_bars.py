@@ -151,7 +151,7 @@ def test_the_experiment_against_the_same_run_again():
     lines = {r["next experiment"]: r for r in experiments([made("weak", **tied), made("weak", **none)])}
     assert lines["cases with tied names"]["suggested"] == 2
     assert lines["an experiment was suggested and done"]["suggested"] == 1
-    after = lines["lead of the true effect after, nats (median)"]
+    after = lines["lead of the true effect after, log-likelihood difference (median)"]
     assert (after["suggested"], after["same run again"]) == (18.0, 1.0)
     alone = lines["share with the true effect named alone"]
     assert (alone["suggested"], alone["same run again"]) == (1.0, 0.0)

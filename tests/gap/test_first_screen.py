@@ -115,7 +115,11 @@ def test_experiments_that_separate_nothing_are_not_shown():
     ]
     made = report(tied, next_experiment=NextExperiment("", Table(tuple(rows))))
     assert [row["gain"] for row in separating(made)] == [9.0]
-    assert next_steps(made)[0] == "Record run 0 to separate a and b (9 nats expected, 3 are enough)."
+    assert (
+        next_steps(made)[0]
+        == "Record run 0 to separate a and b (expected log-likelihood difference 9; 3 is enough: odds of 20 to 1)."
+    )
+    assert not re.search(r"\bnats?\b", html_page(made) + terminal_page(made))
     nothing = report(tied, next_experiment=NextExperiment("", Table(tuple(rows[1:]))))
     assert separating(nothing) == [] and "Experiments that separate" not in html_page(nothing)
     assert "decide between coulomb friction at speed and linear loss at speed" in next_steps(nothing)[0]

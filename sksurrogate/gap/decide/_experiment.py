@@ -58,9 +58,7 @@ def suggestion(apart: Mapping[str, np.ndarray], names: Sequence[str], beyond: Co
         )
         return NextExperiment(sentence, Table(tuple(rows)), names[0])
     gain = f"{best['gain']:.0f}" if best["gain"] < 1000 else "more than 1000"
-    sentence = (
-        f"To tell {best['between']} apart, record {best['experiment']}: expected separation {gain} nats ({ENOUGH})."
-    )
+    sentence = f"To tell {best['between']} apart, record {best['experiment']}: expected log-likelihood difference {gain} ({ENOUGH})."
     if not best["within"]:
         sentence += " Its inputs leave the recorded range: make sure that the plant allows them."
     same = [names[1 + k] for k in range(len(most)) if k not in settled]

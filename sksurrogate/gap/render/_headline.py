@@ -290,10 +290,10 @@ def _to_separate(report: ReportData) -> list[str]:
     if not best:
         others = joined([effect_text(tied[0]), *not_identified(tied[0])[:TIED_LISTED]])
         return [f"Measure another signal, or use knowledge of the plant, to decide between {others}."]
-    nats = number(best[0]["gain"], 2) if best[0]["gain"] < 1000 else "more than 1000"
+    gain = number(best[0]["gain"], 2) if best[0]["gain"] < 1000 else "more than 1000"
     beyond = "" if best[0].get("within", True) else "; its inputs leave the recorded range"
     return [
-        f"Record {best[0]['experiment']} to separate {best[0]['between']} ({nats} nats expected, {ENOUGH}{beyond})."
+        f"Record {best[0]['experiment']} to separate {best[0]['between']} (expected log-likelihood difference {gain}; {ENOUGH}{beyond})."
     ]
 
 

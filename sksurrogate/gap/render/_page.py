@@ -133,7 +133,7 @@ def _where(report: ReportData) -> str:
         parts.append(f"<p>Most likely place: {escape(str(where.kind))} <strong>{escape(where.location)}</strong>.</p>")
     place = {
         "share": "of the gap, held by the named effects there" if report.effects else "probability of the place",
-        "evidence": "of a free signal there alone, in nats",
+        "evidence": "of a free signal there alone: log-likelihood difference to the least likely place",
     }
     time = report.units.get(TIME, "unit of time")
     outputs = where.by_output if len(where.by_output) > 1 else _without(where.by_output, "share")  # of one output: all

@@ -42,7 +42,7 @@ COLUMNS = {
     "low": ("from", "lower end"),
     "high": ("to", "upper end"),
     "experiment": ("experiment", "what to record"),
-    "gain": ("separation / nats", f"expected difference of the log likelihoods; {ENOUGH}"),
+    "gain": ("separation", f"expected log-likelihood difference; {ENOUGH}"),
     "between": ("between", "the pair that is hardest to separate"),
     "within": ("within range", "whether its inputs stay where inputs were recorded"),
     "parameter": ("parameter", "of the simulator"),

@@ -39,7 +39,7 @@ class Law:
     certified : bool
         Whether it closes a practical share of the gap on runs left out: then ``augmented_`` carries it.
     evidence : float
-        Nats by which it is likelier than no law, its price paid.
+        Log-likelihood difference to no law, its price paid.
     """
 
     location: str

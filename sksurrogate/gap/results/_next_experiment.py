@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 from sksurrogate.gap.results._table import EMPTY, Table
 
-#: Nats of log likelihood that settle between two candidates: odds of twenty.
+#: Difference of log likelihoods (natural logarithm) that settles between two candidates: odds of twenty.
 NATS_THAT_SETTLE = 3.0
-ENOUGH = f"{NATS_THAT_SETTLE:g} are enough"
+ENOUGH = f"{NATS_THAT_SETTLE:g} is enough: odds of 20 to 1"
 #: Tied candidates that a line of text lists.
 TIED_LISTED = 4
 
@@ -32,7 +32,7 @@ class NextExperiment:
     ----------
     sentence : str
     options : Table
-        experiment, gain (expected separation of the tied candidates in nats), between, within (whether its inputs stay where
+        experiment, gain (expected log-likelihood difference of the tied candidates), between, within (whether its inputs stay where
         inputs were recorded).
     named : str
         The effect whose candidates it is about.

@@ -21,7 +21,7 @@ class Where:
     by_location : Table
         States, inputs and outputs that were compared, a parameter only where an effect is named there: location, kind, share
         (of the gap, held by the named effects there; where nothing is named, how probable a free signal there alone is),
-        evidence (of a free signal there alone, in nats over the least).
+        evidence (of a free signal there alone: log-likelihood difference to the least likely place).
     by_region : Table
         rule (readable), share of the gap's power there, share of the samples.
     by_time : Table
