@@ -321,7 +321,10 @@ class DiagnosisPipeline(LawStage[C]):
         notes += _notes.not_shown(self.search.not_shown(final.candidate)) if verdict == "unknown" else []
         notes += self.access.notes(final, verdict)
         notes += self.from_run_to_run() if verdict != "none" else []
-        notes += [*_notes.at_a_bound(self.retuned()), *_notes.lost_candidates(list(self.search.lost))]
+        notes += [
+            *_notes.at_a_bound(self.retuned()),
+            *_notes.lost_candidates(list(self.search.lost), self.search.never_fitted()),
+        ]
         wrong = [i for i, effect in enumerate(final.effects) if constant_in_time(effect)]
         errors = {str(final.effects[i].location): float(final.candidate.theta_of(i)[0]) for i in wrong}
         notes += _notes.changed_signs(problem.plant.params, errors)

@@ -146,3 +146,12 @@ def test_what_comes_nearer_in_the_same_few_steps_is_fitted_to_the_end(costs, far
     named = SimpleNamespace(keys=("lag",), fit=SimpleNamespace(cost=1260.0))
     search = SimpleNamespace(is_far=lambda candidate: far)
     assert SetMoves.leads_its_place(search, trial, named) is leads
+
+
+def test_effects_without_any_fit_are_known_by_name_where_the_simulator_raised():
+    search = SimpleNamespace(lost={}, unfitted={}, fitted={})
+    for variable in ("u", "w"):
+        assert OdeSearch.from_message(search, BASE, [lag(variable)], "ValueError: the level is negative") is None
+    assert OdeSearch.from_message(search, BASE, [lag("x")], None) is None  # it diverged by itself
+    search.fitted[frozenset([lag("w").key])] = None  # from another start
+    assert OdeSearch.never_fitted(search) == ["hidden relaxation at v, driven by u"]

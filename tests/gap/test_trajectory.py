@@ -235,7 +235,7 @@ def test_a_candidate_with_which_the_simulator_raises_is_lost_with_a_note():
         GapDiagnoser(Refusing(), effects=["sensor_gain", "input_gain"], random_state=0).fit(X, y, groups=groups).report_
     )
     assert [effect.name for effect in report.effects] == ["sensor_gain"]
-    assert any("ValueError: the valve is out of range" in note for note in report.notes)
+    assert any("left out (input gain at u): ValueError: the valve is out of range" in note for note in report.notes)
 
 
 def test_initial_states_are_those_of_the_last_fit():

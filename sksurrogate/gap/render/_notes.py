@@ -10,6 +10,7 @@ from sksurrogate.effects._base_effect import BaseEffect
 from sksurrogate.effects._catalogue import name_of
 from sksurrogate.gap.decide._rules import PRACTICAL
 from sksurrogate.gap.render._values import percent
+from sksurrogate.gap.results._next_experiment import first_of
 from sksurrogate.gap.results._shrink import Shrink
 from sksurrogate.gap.results._table import Table
 from sksurrogate.kernels.readings import out_of_reach
@@ -78,18 +79,18 @@ def changed_signs(nominal: Mapping[str, float], errors: Mapping[str, float]) -> 
     return [f"{'; '.join(found)}: a mistaken sign in the simulator, or the parameter makes up for something else."]
 
 
-def lost_candidates(said: Sequence[str]) -> list[str]:
-    """What the simulator raised, the first three of it.
+def lost_candidates(said: Sequence[str], names: Sequence[str] = ()) -> list[str]:
+    """What the simulator raised, the first three of it, and the candidates without a fit, the first of them.
 
-    >>> lost_candidates(["ValueError: the level is negative"])[0][-34:]
-    'ValueError: the level is negative.'
+    >>> print(lost_candidates(["ValueError: the level is negative"], ["drift at level"])[0])
+    The simulator failed where some candidates needed it, and what could not be simulated was left out (drift at level): ValueError: the level is negative.
     """
     if not said:
         return []
     more = f", and {len(said) - 3} more" if len(said) > 3 else ""
     return [
-        "The simulator failed where some candidates needed it, and what could not be simulated was left out: "
-        f"{'; '.join(said[:3])}{more}."
+        "The simulator failed where some candidates needed it, and what could not be simulated was left "
+        f"out{f' ({first_of(names)})' if names else ''}: {'; '.join(said[:3])}{more}."
     ]
 
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from sksurrogate._parallel._worker_process import WorkerProcess
 from sksurrogate.effects._base_effect import BaseEffect
+from sksurrogate.effects._catalogue import name_of
 from sksurrogate.gap.fit._backend import Backend
 from sksurrogate.gap.fit._closeness import FAR_BY_COST, HALF_THE_POWER
 from sksurrogate.gap.fit._evidence import (
@@ -76,6 +77,8 @@ class BaseSearch(ABC, Generic[C]):
     richer: dict[Any, list] = field(default_factory=dict)
     #: What a simulator raised, by its text: these candidates are lost
     lost: dict[str, None] = field(default_factory=dict)
+    #: Effects that had no fit beside some set, by their keys
+    unfitted: dict[Any, BaseEffect] = field(default_factory=dict)
 
     @abstractmethod
     def fit_null(self) -> Evidence[C]:
@@ -88,6 +91,11 @@ class BaseSearch(ABC, Generic[C]):
     @abstractmethod
     def with_effect(self, base: C, effect: BaseEffect, values: np.ndarray, path: np.ndarray | None) -> C | None:
         """A base with one effect more, fitted in the free run from its parameters and a path; None where it runs away."""
+
+    def never_fitted(self) -> list[str]:
+        """Names of the effects that had no fit beside any set, each once."""
+        known = set().union(*self.fitted)
+        return list(dict.fromkeys(name_of(effect) for key, effect in self.unfitted.items() if key not in known))
 
     def plausible(self, candidate: C) -> bool:
         """Whether the path of a candidate shows what makes each of its effects what it is."""

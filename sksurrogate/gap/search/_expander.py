@@ -262,6 +262,7 @@ class Expander(SetSearch[OdeCandidate]):
         """A base with these effects added, as its message says; None where it has no fit, or the simulator failed."""
         if isinstance(message, str):
             self.lost[message] = None
+            self.unfitted.update((effect.key, effect) for effect in added)
         if message is None or isinstance(message, str):
             return None
         fit, numerics = message

@@ -141,8 +141,11 @@ class TrajectorySearch(SetSearch[TrajectoryCandidate]):
         self.report(f"fitting {len(starts)} of {len(library)} candidates")
         work = workers(self.n_jobs, return_as="generator")
         found: list[TrajectoryCandidate] = []
-        for candidate in work(delayed(_fit)(self.problem, base, *start) for start in starts):
-            if candidate is not None:
+        tries = work(delayed(_fit)(self.problem, base, *start) for start in starts)
+        for candidate, (effect, *_) in zip(tries, starts):
+            if candidate is None:
+                self.unfitted[effect.key] = effect
+            else:
                 found.append(candidate)
                 self.remember([candidate])  # an interrupt leaves what is fitted by now
         return found
