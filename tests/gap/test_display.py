@@ -8,6 +8,7 @@ import pytest
 from sksurrogate.gap import GapDisplay
 from sksurrogate.gap.render._report import GapReport
 from sksurrogate.gap.results._missing_term import Curve, MissingTerm
+from sksurrogate.gap.results._provenance import Provenance
 from sksurrogate.gap.results._shrink import Shrink
 from sksurrogate.gap.results._table import Table
 from sksurrogate.gap.results._trace import Trace
@@ -75,6 +76,13 @@ def test_without_a_named_effect_the_fitted_curve_says_what_was_fitted(report, ro
     report = dataclasses.replace(report, retuned=Table(rows))
     for kind in ("trace", "residual"):
         assert label in report.plot(kind=kind).ax_.get_legend_handles_labels()[1]
+
+
+def test_a_simulator_that_is_drawn_from_fitted_initial_states_says_so(report):
+    for access, said in (("rhs", True), ("step", True), ("trajectory", False)):
+        made = dataclasses.replace(report, provenance=Provenance(access=access))
+        assert ("simulator, start fitted" in made.plot(kind="trace").ax_.get_legend_handles_labels()[1]) == said
+        assert ("from initial states that are fitted to this run too" in made.to_html()) == said
 
 
 def test_lines_differ_without_colour(report):

@@ -12,7 +12,7 @@ from sksurrogate.effects._catalogue import in_words
 from sksurrogate.exceptions import require
 from sksurrogate.gap.render._budget import fills, listed_parts, part_name
 from sksurrogate.gap.render._curves import balance_axis
-from sksurrogate.gap.render._runs import fitted_name, near_readings, noise_of, worst_first
+from sksurrogate.gap.render._runs import fitted_name, near_readings, noise_of, starts_fitted, worst_first
 from sksurrogate.gap.render._svg import bar_number
 from sksurrogate.gap.render._units import TIME, axis, range_text
 from sksurrogate.gap.render._waterfall import longest_bar, waterfall
@@ -171,7 +171,7 @@ class GapDisplay:
         known = np.isfinite(trace.measured[:, j])
         measured = trace.measured[known, j]
         ax.plot(trace.t[known], measured, color="#8a8a8a", lw=3, label="measured")
-        ax.plot(trace.t, trace.before[:, j], color="#d55e00", ls="--", label="simulator")
+        ax.plot(trace.t, trace.before[:, j], color="#d55e00", ls="--", label=self._given())
         ax.plot(trace.t, trace.corrected[:, j], color="#000000", lw=1, label=fitted_name(self.report))
         ax.set_ylim(near_readings(ax.get_ylim(), measured))
         ax.set(xlabel=self._time_axis(trace.label), ylabel=axis(self.report.outputs[j], self.report.units))
@@ -183,7 +183,7 @@ class GapDisplay:
         noise = noise_of(self.report, j)
         if np.isfinite(noise):
             ax.axhspan(-2 * noise, 2 * noise, color="#d9d9d9", label="noise, two deviations")
-        ax.plot(trace.t, trace.measured[:, j] - trace.before[:, j], color="#d55e00", ls="--", label="simulator")
+        ax.plot(trace.t, trace.measured[:, j] - trace.before[:, j], color="#d55e00", ls="--", label=self._given())
         ax.plot(
             trace.t, trace.measured[:, j] - trace.corrected[:, j], color="#000000", lw=1, label=fitted_name(self.report)
         )
@@ -200,6 +200,10 @@ class GapDisplay:
         ax.set_xticks(at, [str(run.trace.label) for run in runs], rotation=45 if len(runs) > 8 else 0)
         ax.set(xlabel="run, the worst first", ylabel="RMSE / deviation")
         _legend_above(ax)
+
+    def _given(self) -> str:
+        """The simulator as it was given, in a legend."""
+        return "simulator, start fitted" if starts_fitted(self.report) else "simulator"
 
     def _time_axis(self, label: Any) -> str:
         return f"{axis(TIME, self.report.units)} (held-out run {label})"

@@ -75,7 +75,7 @@ def runs_html(report: ReportData) -> str:
     others, rest = further[: DRAWN - 1], further[DRAWN - 1 :]
     out = [
         "<h2>Every run, the worst first</h2>",
-        '<p class="small">Each run is simulated by a fit without this run. <span class="noprint">Drag over a figure to zoom, '
+        f'<p class="small">Each run is simulated by a fit without this run. {_starts(report)}<span class="noprint">Drag over a figure to zoom, '
         "double-click to go back.</span></p>",
         _large(first, report),
     ]
@@ -85,6 +85,18 @@ def runs_html(report: ReportData) -> str:
         errors = "; ".join(f"{escape(str(run.trace.label))}: {run}" for run in rest)
         out.append(f'<details><summary>{len(rest)} more runs</summary><p class="small">{errors}</p></details>')
     return "".join(out)
+
+
+def starts_fitted(report: ReportData) -> bool:
+    """Whether the simulator as it was given is drawn from initial states that are fitted to each run: where it has states."""
+    return report.provenance.access in ("rhs", "step")
+
+
+def _starts(report: ReportData) -> str:
+    """Where the curves of the simulator begin."""
+    if not starts_fitted(report):
+        return ""
+    return "The dashed curve is the simulator as it was given, from initial states that are fitted to this run too. "
 
 
 def run_name(label: object, blocks: bool = False) -> str:
