@@ -297,6 +297,13 @@ def test_units_stand_beside_the_numbers(diagnoser):
     assert "speed &lt;= 0.3 rad/s" in html_page(report(FRICTION, where=two))
 
 
+def test_a_gap_as_large_everywhere_as_there_are_samples_has_no_table_of_places():
+    rows = [{"rule": f"speed {sign} 0.3", "share": 0.5 + d, "samples": 0.5} for sign, d in (("<=", 0.03), (">", -0.03))]
+    made = report(FRICTION, where=Where("speed", "state", by_region=Table(tuple(rows))))
+    for page in (terminal_page(made), html_page(made)):
+        assert "The gap is spread evenly over the operating range" in page and "0.3 rad/s" not in page
+
+
 def test_the_short_form_of_a_report_has_its_names():
     assert repr(report(WRONG, FRICTION)) == (
         "GapReport(verdict='explained', parameter_error, coulomb_friction, where='second')"

@@ -27,7 +27,7 @@ from sksurrogate.gap.render._style import STYLE
 from sksurrogate.gap.render._svg import bars
 from sksurrogate.gap.render._tables import explained
 from sksurrogate.gap.render._units import TIME, labelled, range_text, unit_column
-from sksurrogate.gap.render._values import effect_text
+from sksurrogate.gap.render._values import EVENLY, effect_text, spread_evenly
 from sksurrogate.gap.render._waterfall import CAPTION, closed, longest_bar, waterfall
 from sksurrogate.gap.results._effect_estimate import EffectEstimate
 from sksurrogate.gap.results._missing_term import Curve, MissingTerm
@@ -131,6 +131,8 @@ def _where(report: ReportData) -> str:
     parts = ["<h2>Where the gap arises</h2>"]
     if where.location is not None:
         parts.append(f"<p>Most likely place: {escape(str(where.kind))} <strong>{escape(where.location)}</strong>.</p>")
+    even = spread_evenly(where.by_region)
+    parts += [f"<p>{EVENLY}</p>"] * even
     place = {
         "share": "of the gap, held by the named effects there" if report.effects else "probability of the place",
         "evidence": "of a free signal there alone: log-likelihood difference to the least likely place",
@@ -144,15 +146,16 @@ def _where(report: ReportData) -> str:
     tables = [
         ("By output", unit_column(outputs, "output", report.units), {}),
         ("By place", where.by_location, place),
-        ("By operating range", Table(tuple(regions)), {}),
+        ("By operating range", Table(() if even else tuple(regions)), {}),
         (labelled("By time", report.units.get(TIME, "")), where.by_time, {"kind": HOW_IT_CHANGES}),
         (f"By frequency (cycles per {time})", where.by_frequency, {"gap": "power of the error", "noise": "power"}),
     ]
     shown = [(title, table, other) for title, table, other in tables if len(table)]
     parts += [f"<div><h3>{title}</h3>{explained(table, other)}</div>" for title, table, other in shown[:2]]
     if len(shown) > 2:
+        heading = "time and frequency" if even else "operating range, time and frequency"
         inner = "".join(f"<h3>{title}</h3>{explained(table, other)}" for title, table, other in shown[2:])
-        parts.append(f"<details><summary>By operating range, time and frequency</summary>{inner}</details>")
+        parts.append(f"<details><summary>By {heading}</summary>{inner}</details>")
     return "".join(parts) if len(parts) > 1 else ""
 
 

@@ -12,7 +12,7 @@ from sksurrogate.gap.render._provenance import provenance_line
 from sksurrogate.gap.render._record import record_lines
 from sksurrogate.gap.render._tables import grid
 from sksurrogate.gap.render._units import TIME, labelled, range_text, unit_column
-from sksurrogate.gap.render._values import percent
+from sksurrogate.gap.render._values import EVENLY, percent, spread_evenly
 from sksurrogate.gap.render._waterfall import CAPTION, closed, longest_bar, waterfall
 from sksurrogate.gap.results._report_data import ReportData
 
@@ -83,7 +83,9 @@ def _where(report: ReportData, width: int) -> list[str]:
     """The most likely place; outputs, operating range and time where they say more than everywhere and always."""
     where = report.where
     lines = [] if where.location is None else [f"Most likely place: {where.kind} {where.location}"]
-    if len(where.by_region) > 1:
+    if spread_evenly(where.by_region):
+        lines.append(EVENLY)
+    elif len(where.by_region) > 1:
         rows = sorted(where.by_region, key=lambda row: -row.get("share", 0.0))[:MOST_ROWS]
         lines.append("Where the gap arises")
         for row in rows:

@@ -11,6 +11,7 @@ from sksurrogate.effects._catalogue import in_words
 from sksurrogate.effects._onset import WINDOW
 from sksurrogate.gap.render._units import TIME, parameter_unit, with_unit
 from sksurrogate.gap.results._effect_estimate import EffectEstimate, circumstances
+from sksurrogate.gap.results._table import Table
 
 #: Probability from which a word applies, the first that is reached: the words of the reports on climate change (IPCC).
 MORE_LIKELY_THAN_NOT = 0.5
@@ -42,6 +43,21 @@ def percent(share: float) -> str:
     if not np.isfinite(share):
         return "-"
     return "< 0.1 %" if 0 < share < 0.001 else f"{100 * share:.1f} %"
+
+
+#: A part of the samples whose share of the gap differs by less than this stands out in nothing.
+ALIKE = 0.05
+EVENLY = "The gap is spread evenly over the operating range: no part of it stands out."
+
+
+def spread_evenly(by_region: Table) -> bool:
+    """Whether every part of the operating range has the share of the gap that its samples alone would give it.
+
+    >>> rows = {"rule": "v > 1", "share": 0.58, "samples": 0.6}, {"rule": "v <= 1", "share": 0.42, "samples": 0.4}
+    >>> spread_evenly(Table(rows)), spread_evenly(Table(({**rows[0], "share": 0.8}, {**rows[1], "share": 0.2})))
+    (True, False)
+    """
+    return len(by_region) > 1 and all(abs(row["share"] - row["samples"]) < ALIKE for row in by_region)
 
 
 def interval_text(low: float, high: float) -> str:
