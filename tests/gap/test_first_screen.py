@@ -147,7 +147,15 @@ def test_blocks_of_one_run_are_not_called_runs():
     one = Trace(0, np.arange(4.0), wave, 2 * wave, wave)
     made = report(FRICTION, traces=(one, replace(one, label=1)))
     assert "<strong>Run 0" in html_page(made)
-    assert "<strong>Block 0" in html_page(replace(made, provenance=replace(made.provenance, n_runs=1)))
+    row = {"part": "friction", "kind": "effect", "share": 0.9, "low": 0.8, "high": 1.0}
+    cut = replace(made, provenance=replace(made.provenance, n_runs=1), budget=Table((row,)))
+    page = html_page(cut)
+    assert "<strong>Block 0" in page and "Every block, the worst first" in page
+    for shown, word, other in ((cut, "blocks", "runs"), (made, "runs", "blocks")):
+        text = " ".join((html_page(shown), terminal_page(shown), str(shown.summary()), sentence_of(shown)))
+        assert f"held-out {word}" in text and f"held-out {other}" not in text
+    two = replace(cut, traces=(one,) * 4, provenance=replace(made.provenance, n_runs=2))
+    assert "<strong>Block 0" in html_page(two)
 
 
 def test_the_curve_of_an_effect_is_its_law_with_its_band():

@@ -25,6 +25,11 @@ def test_where_a_law_stands(verdict, names, words):
             return "-2*T^3"
 
     report = SimpleNamespace(
-        certified_law=Law(), shrink=SimpleNamespace(fraction_law=0.99), effects=[None] * names, verdict=verdict
+        traces=(),
+        provenance=SimpleNamespace(n_runs=3),
+        certified_law=Law(),
+        shrink=SimpleNamespace(fraction_law=0.99),
+        effects=[None] * names,
+        verdict=verdict,
     )
     assert f"The law -2*T^3 {words} of the gap on held-out runs." in _with_law(report)

@@ -228,5 +228,5 @@ def notes_on_names(
             left_out = [repr(label) for label, f in zip(pieces(record, labels), fold) if f == k]
             named.setdefault(" and ".join(map(name_of, effects)), []).extend(left_out)
     listed = "; ".join(f"without {kind} {', '.join(left)} {names}" for names, left in named.items())
-    text = f"Some folds choose other effects, and the error on held-out runs counts these there: {listed}."
+    text = f"Some folds choose other effects, and the error on held-out {kind}s counts these there: {listed}."
     return [text] if listed else []

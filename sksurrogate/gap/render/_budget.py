@@ -51,10 +51,11 @@ def of_power(closed: float) -> str:
     return f"Where {percent(closed)} of the gap is closed, that is its amplitude: 1 - (1 - {closed:.3f})^2 = {percent(power)} of its power."
 
 
-def budget_lines(budget: Table, width: int, closed: float = np.nan) -> list[str]:
+def budget_lines(budget: Table, width: int, closed: float = np.nan, held: str = "held-out runs") -> list[str]:
     """A bar of letters and one line a part.
 
     ``closed``: share of the gap's amplitude that the report says to be closed.
+    ``held``: the data that the fits did not see.
 
     >>> rows = ({"part": "friction", "kind": "effect", "share": 0.75, "low": 0.7, "high": 0.8},
     ...         {"part": "disturbance", "kind": "disturbance", "share": 0.25, "low": 0.2, "high": 0.3})
@@ -72,7 +73,7 @@ def budget_lines(budget: Table, width: int, closed: float = np.nan) -> list[str]
     ends = np.round(np.cumsum([row["share"] for row in rows]) * room).astype(int)
     counts = np.diff(ends, prepend=0)
     bar = "".join(_LOOKS[row["kind"]].letter * int(count) for row, count in zip(rows, counts))
-    lines = ["Budget of the gap (shares of its power on held-out runs, 90 %)", f"  [{bar:<{room}}]"]
+    lines = [f"Budget of the gap (shares of its power on {held}, 90 %)", f"  [{bar:<{room}}]"]
     lines += [f"  {_LOOKS[row['kind']].letter} {_percent(row)} {part_name(row)}" for row in rows]
     return lines + textwrap.wrap(of_power(closed), width, initial_indent="  ", subsequent_indent="  ")
 
@@ -87,10 +88,11 @@ def fills(rows: Sequence[Mapping[str, Any]]) -> list[str]:
     return [next(fills_of[row["kind"]]) for row in rows]
 
 
-def budget_html(budget: Table, closed: float = np.nan) -> str:
+def budget_html(budget: Table, closed: float = np.nan, held: str = "held-out runs") -> str:
     """One bar with its legend; empty where there is no gap.
 
     ``closed``: share of the gap's amplitude that the report says to be closed.
+    ``held``: the data that the fits did not see.
     """
     rows = listed_parts(budget)
     if not rows:
@@ -102,7 +104,7 @@ def budget_html(budget: Table, closed: float = np.nan) -> str:
         legend += f'<li><span class="key" style="background:{fill}"></span>{_percent(row)} {name}</li>'
     return (
         f'<figure class="budget"><div class="budgetbar" role="img" aria-label="budget of the gap">{parts}</div>'
-        f"<ul>{legend}</ul><figcaption>Budget of the gap: shares of its power on held-out runs, with 90 % intervals. "
+        f"<ul>{legend}</ul><figcaption>Budget of the gap: shares of its power on {held}, with 90 % intervals. "
         f"{of_power(closed)}</figcaption></figure>"
     )
 

@@ -13,7 +13,7 @@ from sksurrogate.effects._families import BalanceEffect, HiddenEffect
 from sksurrogate.exceptions import SurrogateError
 from sksurrogate.gap.render._svg import POINTS, Line, Panel, figure
 from sksurrogate.gap.render._units import axis, derivative_unit, labelled
-from sksurrogate.gap.render._values import effect_text, readable
+from sksurrogate.gap.render._values import effect_text, held_out, readable
 from sksurrogate.gap.results._effect_estimate import EffectEstimate
 from sksurrogate.gap.results._missing_term import Curve
 from sksurrogate.gap.results._report_data import ReportData
@@ -96,7 +96,7 @@ def curve_html(curve: Curve, location: str, kind: str, report: ReportData, laws:
     picture = _picture(curve, balance_axis(location, kind, report), report, f"missing term over {curve.variable}", laws)
     return (
         f"<figure>{picture}<figcaption>Over {escape(curve.variable)}: mean and 90 % band. This variable alone explains "
-        f"{100 * max(curve.explained, 0):.0f} % of the term on held-out runs.</figcaption></figure>"
+        f"{100 * max(curve.explained, 0):.0f} % of the term on {held_out(report)}.</figcaption></figure>"
     )
 
 

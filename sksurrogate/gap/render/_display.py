@@ -15,6 +15,7 @@ from sksurrogate.gap.render._curves import balance_axis
 from sksurrogate.gap.render._runs import fitted_name, near_readings, noise_of, starts_fitted, worst_first
 from sksurrogate.gap.render._svg import bar_number
 from sksurrogate.gap.render._units import TIME, axis, range_text
+from sksurrogate.gap.render._values import held_out, piece
 from sksurrogate.gap.render._waterfall import longest_bar, waterfall
 from sksurrogate.gap.results._report_data import ReportData
 from sksurrogate.gap.results._trace import Trace
@@ -142,7 +143,10 @@ class GapDisplay:
             ax.barh([0], [100 * row["share"]], left=left, color=colour, edgecolor="white", label=part_name(row))
             left += 100 * row["share"]
         ax.set(
-            xlabel="share of the gap's power on held-out runs / %", yticks=[], ylim=(-0.5, 0.5), xlim=(0, max(left, 1))
+            xlabel=f"share of the gap's power on {held_out(self.report)} / %",
+            yticks=[],
+            ylim=(-0.5, 0.5),
+            xlim=(0, max(left, 1)),
         )
         ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.35), ncols=2, frameon=False)
 
@@ -153,7 +157,7 @@ class GapDisplay:
         ax.bar_label(bars, labels=[bar_number(value, longest) for _, value in rows], padding=3)
         ax.invert_yaxis()
         ax.set(
-            xlabel="free-run RMSE / deviation of the output (held-out runs)",
+            xlabel=f"free-run RMSE / deviation of the output ({held_out(self.report)})",
             title=f"Verdict: {self.report.verdict}",
         )
         ax.margins(x=0.25)
@@ -198,7 +202,7 @@ class GapDisplay:
         ax.bar(at - 0.2, [run.before for run in runs], 0.4, color="#d55e00", hatch="//", label="simulator")
         ax.bar(at + 0.2, [run.after for run in runs], 0.4, color="#000000", label=fitted_name(self.report))
         ax.set_xticks(at, [str(run.trace.label) for run in runs], rotation=45 if len(runs) > 8 else 0)
-        ax.set(xlabel="run, the worst first", ylabel="RMSE / deviation")
+        ax.set(xlabel=f"{piece(self.report)}, the worst first", ylabel="RMSE / deviation")
         _legend_above(ax)
 
     def _given(self) -> str:
@@ -206,7 +210,7 @@ class GapDisplay:
         return "simulator, start fitted" if starts_fitted(self.report) else "simulator"
 
     def _time_axis(self, label: Any) -> str:
-        return f"{axis(TIME, self.report.units)} (held-out run {label})"
+        return f"{axis(TIME, self.report.units)} (held-out {piece(self.report)} {label})"
 
     def _worst_trace(self) -> Trace:
         """The run that the simulator misses most."""

@@ -14,6 +14,7 @@ from sksurrogate.gap.render._values import (
     change_of,
     confidence,
     effect_text,
+    held_out,
     is_wrong_parameter,
     key_text,
     moved_text,
@@ -111,7 +112,7 @@ def _closed(report: ReportData) -> str:
     if not np.isfinite(report.shrink.fraction):
         return ""
     verb = "closes" if len(report.effects) == 1 else "close"
-    return f"{verb} {percent(report.shrink.fraction)} of the gap on held-out runs"
+    return f"{verb} {percent(report.shrink.fraction)} of the gap on {held_out(report)}"
 
 
 def _which_closes(report: ReportData) -> str:
@@ -200,7 +201,7 @@ def _with_law(report: ReportData) -> str:
     closed, several = report.shrink.fraction_law, len(report.effects) > 1
     beside, instead = (" beside them", " in their place") if several else (" beside it", " in its place")
     where = (beside if report.verdict == "partial" else instead) if report.effects else ""
-    how_far = f" closes {percent(closed)} of the gap on held-out runs" if np.isfinite(closed) else " was found"
+    how_far = f" closes {percent(closed)} of the gap on {held_out(report)}" if np.isfinite(closed) else " was found"
     return f" The {what}{form} in {law.place}{where}{how_far}."
 
 
@@ -211,7 +212,7 @@ def _nearest_law(report: ReportData) -> str:
     if text is None:
         return ""
     form, _, share = text.partition("  (explains ")
-    much = f" It explains {share.rstrip(')')} of what is missing on held-out runs." if share else ""
+    much = f" It explains {share.rstrip(')')} of what is missing on {held_out(report)}." if share else ""
     return f" A simple law comes close: {form}.{much}"
 
 

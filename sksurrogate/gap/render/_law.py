@@ -7,7 +7,7 @@ from html import escape
 import numpy as np
 
 from sksurrogate.gap.render._svg import POINTS, Line
-from sksurrogate.gap.render._values import number, percent, quantity
+from sksurrogate.gap.render._values import held_out, number, percent, quantity
 from sksurrogate.gap.results._law import Law
 from sksurrogate.gap.results._missing_term import Curve
 from sksurrogate.gap.results._report_data import ReportData
@@ -22,7 +22,7 @@ def _title(law: Law) -> str:
 def _kept(law: Law, report: ReportData) -> str:
     """Whether the corrected simulator has it, and where it holds."""
     carried = "augmented_ carries it" if report.provenance.include_law else "augmented_ leaves it out"
-    kept = f"certified on held-out runs; {carried}" if law.certified else "not certified on held-out runs"
+    kept = f"certified on {held_out(report)}; {carried}" if law.certified else f"not certified on {held_out(report)}"
     ranges = "; ".join(
         f"{name} from {number(low)} to {quantity(high, report.units.get(name, ''))}"
         for name, (low, high) in law.domain.items()
@@ -51,7 +51,7 @@ def law_html(report: ReportData) -> str:
     if law is None:
         return ""
     numbers = "" if law.is_curve else f'<p class="small">{escape("; ".join([*_forms(law), *_numbers(law)]))}</p>'
-    closed = f"closes {percent(law.share)} of the gap's power on held-out runs, " if np.isfinite(law.share) else ""
+    closed = f"closes {percent(law.share)} of the gap's power on {held_out(report)}, " if np.isfinite(law.share) else ""
     return (
         f'<div class="card"><strong>{escape(_title(law))}</strong>'
         f'<p class="change"><code>{escape(str(law))}</code></p>{numbers}'

@@ -27,8 +27,8 @@ from sksurrogate.gap.render._style import STYLE
 from sksurrogate.gap.render._svg import bars
 from sksurrogate.gap.render._tables import explained
 from sksurrogate.gap.render._units import TIME, labelled, range_text, unit_column
-from sksurrogate.gap.render._values import EVENLY, effect_text, spread_evenly
-from sksurrogate.gap.render._waterfall import CAPTION, closed, longest_bar, waterfall
+from sksurrogate.gap.render._values import EVENLY, effect_text, held_out, spread_evenly
+from sksurrogate.gap.render._waterfall import caption, closed, longest_bar, waterfall
 from sksurrogate.gap.results._effect_estimate import EffectEstimate
 from sksurrogate.gap.results._missing_term import Curve, MissingTerm
 from sksurrogate.gap.results._report_data import ReportData
@@ -84,7 +84,7 @@ def _first_screen(report: ReportData) -> str:
     parts.append(f"{escape(report.verdict)}</span> {escape(headline(report))}</h1>")
     if not report.complete:
         parts.append("<p><strong>Interrupted:</strong> this page holds the results so far.</p>")
-    parts.append(budget_html(report.budget, report.shrink.fraction))
+    parts.append(budget_html(report.budget, report.shrink.fraction, held_out(report)))
     for what, lines, sure in changes(report):
         body = "".join(f'<p class="change">{escape(line)}</p>' for line in lines)
         sure = f'<p class="small">{escape(sure)}</p>' if sure else ""
@@ -121,8 +121,8 @@ def _shrink(report: ReportData) -> str:
     rows = waterfall(report)
     if not rows:
         return ""
-    caption = " ".join([f"{CAPTION}.", *closed(report)])
-    return f"<h2>How far the gap shrinks</h2><figure>{bars(rows, longest_bar(rows))}<figcaption>{escape(caption)}</figcaption></figure>"
+    said = " ".join([f"{caption(report)}.", *closed(report)])
+    return f"<h2>How far the gap shrinks</h2><figure>{bars(rows, longest_bar(rows))}<figcaption>{escape(said)}</figcaption></figure>"
 
 
 def _where(report: ReportData) -> str:
@@ -173,7 +173,7 @@ def _missing(report: ReportData) -> str:
     curves = _telling(term)
     out += [curve_html(curve, term.location, term.kind, report, law_line(report, curve)) for curve in curves]
     if term.curves and not curves:
-        out.append("<p>No single signal explains it on held-out runs.</p>")
+        out.append(f"<p>No single signal explains it on {held_out(report)}.</p>")
     if term.candidates and report.certified_law is None:
         laws = "".join(f"<li><code>{escape(text)}</code></li>" for text in term.candidates)
         out.append(f"<p>Simple laws that come close:</p><ul>{laws}</ul>")

@@ -9,6 +9,7 @@ import numpy as np
 
 from sksurrogate.gap.render._svg import Line, Panel, figure, limits
 from sksurrogate.gap.render._units import TIME, axis
+from sksurrogate.gap.render._values import piece
 from sksurrogate.gap.results._report_data import ReportData
 from sksurrogate.gap.results._trace import Trace
 
@@ -74,8 +75,8 @@ def runs_html(report: ReportData) -> str:
     first, *further = worst_first(report)
     others, rest = further[: DRAWN - 1], further[DRAWN - 1 :]
     out = [
-        "<h2>Every run, the worst first</h2>",
-        f'<p class="small">Each run is simulated by a fit without this run. {_starts(report)}<span class="noprint">Drag over a figure to zoom, '
+        f"<h2>Every {piece(report)}, the worst first</h2>",
+        f'<p class="small">Each {piece(report)} is simulated by a fit without it. {_starts(report)}<span class="noprint">Drag over a figure to zoom, '
         "double-click to go back.</span></p>",
         _large(first, report),
     ]
@@ -83,7 +84,9 @@ def runs_html(report: ReportData) -> str:
         out.append(f'<div class="grid">{"".join(_small(run, report) for run in others)}</div>')
     if rest:
         errors = "; ".join(f"{escape(str(run.trace.label))}: {run}" for run in rest)
-        out.append(f'<details><summary>{len(rest)} more runs</summary><p class="small">{errors}</p></details>')
+        out.append(
+            f'<details><summary>{len(rest)} more {piece(report)}s</summary><p class="small">{errors}</p></details>'
+        )
     return "".join(out)
 
 
@@ -96,7 +99,7 @@ def _starts(report: ReportData) -> str:
     """Where the curves of the simulator begin."""
     if not starts_fitted(report):
         return ""
-    return "The dashed curve is the simulator as it was given, from initial states that are fitted to this run too. "
+    return f"The dashed curve is the simulator as it was given, from initial states that are fitted to this {piece(report)} too. "
 
 
 def run_name(label: object, blocks: bool = False) -> str:
@@ -112,7 +115,7 @@ def run_name(label: object, blocks: bool = False) -> str:
 
 def _called(trace: Trace, report: ReportData) -> str:
     """The heading of a run of this report."""
-    return run_name(trace.label, report.provenance.n_runs == 1 and len(report.traces) > 1)
+    return run_name(trace.label, piece(report) == "block")
 
 
 def _caption(run: Missed, report: ReportData) -> str:

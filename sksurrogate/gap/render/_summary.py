@@ -14,8 +14,8 @@ from sksurrogate.gap.render._budget import listed_parts, part_name
 from sksurrogate.gap.render._headline import not_identified
 from sksurrogate.gap.render._tables import grid, table_html
 from sksurrogate.gap.render._units import TIME, parameter_unit
-from sksurrogate.gap.render._values import effect_text, number, percent, quantity
-from sksurrogate.gap.render._waterfall import CAPTION
+from sksurrogate.gap.render._values import effect_text, held_out, number, percent, quantity
+from sksurrogate.gap.render._waterfall import caption
 from sksurrogate.gap.results._report_data import ReportData
 from sksurrogate.gap.results._table import EMPTY, Table
 from sksurrogate.gap.results._trace import Trace
@@ -166,9 +166,9 @@ def _retuned(report: ReportData) -> Table:
 
 def _notes(report: ReportData) -> tuple[str, ...]:
     """What the columns mean, then the notes of the report."""
-    own = [f"{CAPTION}."]
+    own = [f"{caption(report)}."]
     if report.effects or len(report.retuned) or len(report.budget):
-        own.append("from, to: 90 % interval. share: of the gap's power on held-out runs.")
+        own.append(f"from, to: 90 % interval. share: of the gap's power on {held_out(report)}.")
     tied = [effect_text(effect) for effect in report.effects if not_identified(effect)]
     if tied:
         own.append(f"These data do not identify {', '.join(tied)} uniquely; see report.effects[i].equivalents.")

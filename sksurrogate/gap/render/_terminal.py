@@ -12,8 +12,8 @@ from sksurrogate.gap.render._provenance import provenance_line
 from sksurrogate.gap.render._record import record_lines
 from sksurrogate.gap.render._tables import grid
 from sksurrogate.gap.render._units import TIME, labelled, range_text, unit_column
-from sksurrogate.gap.render._values import EVENLY, percent, spread_evenly
-from sksurrogate.gap.render._waterfall import CAPTION, closed, longest_bar, waterfall
+from sksurrogate.gap.render._values import EVENLY, held_out, percent, spread_evenly
+from sksurrogate.gap.render._waterfall import caption, closed, longest_bar, waterfall
 from sksurrogate.gap.results._report_data import ReportData
 
 #: Rows of a table of where or when.
@@ -25,7 +25,7 @@ def terminal_page(report: ReportData, width: int = 80) -> str:
     title = [report.provenance.title, ""] if report.provenance.title else []
     lines = [*title, f"VERDICT  {report.verdict}" + ("" if report.complete else "  (interrupted)"), ""]
     lines += [*textwrap.wrap(headline(report), width), ""]
-    lines += _block(budget_lines(report.budget, width, report.shrink.fraction))
+    lines += _block(budget_lines(report.budget, width, report.shrink.fraction, held_out(report)))
     lines += _block(_changes(report, width))
     lines += _block(_numbered("What to do next", next_steps(report), width))
     lines += _block(record_lines(report.data, width))
@@ -72,7 +72,7 @@ def _errors(report: ReportData) -> list[str]:
     if not rows:
         return []
     width = max(len(label) for label, _ in rows)
-    longest, lines = longest_bar(rows), [CAPTION]
+    longest, lines = longest_bar(rows), [caption(report)]
     for label, value in rows:
         bar = "#" * round(30 * min(value / longest, 1.0)) + ">" * (value > longest)
         lines.append(f"  {label:<{width}} {value:9.4g}  {bar}".rstrip())

@@ -11,6 +11,7 @@ from sksurrogate.effects._catalogue import in_words
 from sksurrogate.effects._onset import WINDOW
 from sksurrogate.gap.render._units import TIME, parameter_unit, with_unit
 from sksurrogate.gap.results._effect_estimate import EffectEstimate, circumstances
+from sksurrogate.gap.results._report_data import ReportData
 from sksurrogate.gap.results._table import Table
 
 #: Probability from which a word applies, the first that is reached: the words of the reports on climate change (IPCC).
@@ -58,6 +59,16 @@ def spread_evenly(by_region: Table) -> bool:
     (True, False)
     """
     return len(by_region) > 1 and all(abs(row["share"] - row["samples"]) < ALIKE for row in by_region)
+
+
+def piece(report: ReportData) -> str:
+    """What is left out of a fit and drawn by itself: a run, or a block where there were too few runs and they were cut."""
+    return "block" if len(report.traces) > report.provenance.n_runs > 0 else "run"
+
+
+def held_out(report: ReportData) -> str:
+    """The data that a fit did not see, in words."""
+    return f"held-out {piece(report)}s"
 
 
 def interval_text(low: float, high: float) -> str:

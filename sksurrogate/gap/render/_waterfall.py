@@ -6,11 +6,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sksurrogate.gap.render._values import percent
+from sksurrogate.gap.render._values import held_out, percent
 from sksurrogate.gap.results._report_data import ReportData
 
-#: What the numbers are.
-CAPTION = "RMSE of the free run on held-out runs / standard deviation of each output"
+
+def caption(report: ReportData) -> str:
+    """What the numbers are."""
+    return f"RMSE of the free run on {held_out(report)} / standard deviation of each output"
 
 
 def waterfall(report: ReportData) -> list[tuple[str, float]]:
