@@ -40,6 +40,7 @@ from sksurrogate.gap.faults._record_book import faults_of
 from sksurrogate.gap.fit._closed_loop import LOOP, closed_loop
 from sksurrogate.gap.fit._closeness import AT_THE_NOISE, NEARLY_WHITE
 from sksurrogate.gap.fit._evidence import C, estimate_noise
+from sksurrogate.gap.fit._explained import MOST_UNEXPLAINED, NOTHING_HELPS, share_explained
 from sksurrogate.gap.render import _notes
 from sksurrogate.gap.render._report import GapReport
 from sksurrogate.gap.results._effect_estimate import EffectEstimate
@@ -118,8 +119,12 @@ class DiagnosisPipeline(LawStage[C]):
             _ = self.baseline
 
     def look_for_names(self) -> None:
-        """The search, and effects that begin or end within the runs; nothing where the record has another unit."""
-        if self.access.other_unit:
+        """The search, and effects that begin or end within the runs.
+
+        Nothing where the simulator alone explains the record in another unit, or more of it than the names do in its own.
+        """
+        unit = self.access.other_unit
+        if unit.share > 1.0 - MOST_UNEXPLAINED:
             return
         try:
             self.search.run()
@@ -127,11 +132,15 @@ class DiagnosisPipeline(LawStage[C]):
         except KeyboardInterrupt:
             self.search.keep_best()
             raise
+        if unit.sentence and share_explained(self.problem.record, self.final.fit.y) <= unit.share:
+            self.search.final = self.null
+        else:
+            self.access.other_unit = NOTHING_HELPS
 
     def look_at_the_record(self) -> None:
         """What is seen on top of the names, and whether what they leave is a fault of the record."""
         self.access.ask_for_places(self.final)
-        if self.access.other_unit:
+        if self.access.other_unit.sentence:
             return
         if self.book is not None and time.perf_counter() - self.started_at < SOON * (self.time_limit or np.inf):
             self.book = self.book.with_next_fault(self.search, self.rows, self.access.law_left)

@@ -176,7 +176,7 @@ class DiagnosisState(Generic[C]):
             repeats=len(self.labels) < 2 or not np.isfinite(shrink.fraction_law) or certified_law(shrink),
             rounding=rounding.share if rounding is not None else 0.0,
             noisy_input=bool(self.noisy_inputs),
-            other_unit=bool(access.other_unit),
+            other_unit=bool(access.other_unit.sentence),
             at_bound=any(row["at_bound"] for row in self.retuned()),
             tolerance=self.search.tolerance,
         )

@@ -1,11 +1,14 @@
 """A sample time in another unit than the simulator's rates is said so."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from sksurrogate.exceptions import SimulatorError
-from sksurrogate.gap import GapDiagnoser
-from sksurrogate.gap.fit._explained import explained
+from sksurrogate.gap import GapDiagnoser, _pipeline
+from sksurrogate.gap._pipeline import DiagnosisPipeline
+from sksurrogate.gap.fit._explained import OtherWriting, explained
 from sksurrogate.gap.fit._other_columns import divided
 from sksurrogate.gap.fit._other_unit import _slower, other_unit
 from sksurrogate.kernels.record import Record
@@ -33,7 +36,7 @@ def measured(gain=1.0):
 def said(dt, y):
     runs = [[v[k == RUNS] for k in (0, 1)] for v in (U, y)]
     record = Record.from_runs(*runs, [dt * np.arange(160)] * 2, dt)
-    return other_unit(PlantModel(describe(plant(dt))), record)
+    return other_unit(PlantModel(describe(plant(dt))), record).sentence
 
 
 @pytest.mark.parametrize(
@@ -69,7 +72,7 @@ def test_a_simulator_that_stands_still_is_in_no_other_unit_of_time():
     record = Record.from_runs([np.zeros((60, 0))] * 4, y, [t] * 4, 0.1)
     model = PlantModel(describe(simulator))
     assert explained(model, _slower(record, 1e-3)) > 0.9 and explained(model, record) < 0.0
-    assert other_unit(model, record) == ""
+    assert other_unit(model, record).sentence == ""
 
 
 class Stepper:
@@ -103,12 +106,12 @@ def test_a_simulator_with_its_own_step_is_asked_for_no_longer_sample():
     simulator, y = Stepper(), np.random.default_rng(3).normal(size=(320, 1))
     runs = [[v[k == RUNS] for k in (0, 1)] for v in (U, y)]
     record = Record.from_runs(*runs, [0.1 * np.arange(160)] * 2, 0.1)
-    assert other_unit(PlantModel(describe(simulator)), record) == ""
+    assert other_unit(PlantModel(describe(simulator)), record).sentence == ""
     assert simulator.longest <= 0.1  # 3600 times longer would cost 3600 times as much
     record = Record.from_runs(
         [runs[0][0], runs[0][1]], [measured()[k == RUNS] for k in (0, 1)], [100.0 * np.arange(160)] * 2, 100.0
     )
-    assert "1000 times shorter" in other_unit(PlantModel(describe(Stepper(100.0))), record)
+    assert "1000 times shorter" in other_unit(PlantModel(describe(Stepper(100.0))), record).sentence
 
 
 @pytest.mark.slow
@@ -132,7 +135,7 @@ NAMES = {"states": ["q1", "q2", "v1", "v2"], "inputs": ["torque", "target"], "ou
 
 def looked_at(U, Y):
     record = Record.from_runs(U, Y, [0.05 * np.arange(120)] * 2, 0.05)
-    return other_unit(PlantModel(describe(ODESimulator(pendulums, **NAMES, params={}, dt=0.05))), record)
+    return other_unit(PlantModel(describe(ODESimulator(pendulums, **NAMES, params={}, dt=0.05))), record).sentence
 
 
 def swinging():
@@ -193,7 +196,7 @@ def test_a_plant_that_only_moves_less_is_in_no_other_unit():
     nominal = PlantModel(describe(plant.set_params(params__k=0.0)))
     assert explained(nominal, record) < 0.0
     assert explained(nominal, divided(record, np.full(1, 1000.0), np.full(1, 1000.0))) > 0.5
-    assert other_unit(nominal, record) == ""
+    assert other_unit(nominal, record).sentence == ""
 
 
 @pytest.mark.slow
@@ -217,7 +220,7 @@ def test_a_simulator_at_its_limits_is_in_no_other_unit():
         explained(nominal, divided(record, np.full(1, 1e-3), np.full(1, 1e-3)))
         > max(explained(nominal, record), 0.0) + 0.5
     )
-    assert other_unit(nominal, record) == ""
+    assert other_unit(nominal, record).sentence == ""
 
 
 def heated(t, x, u, p):
@@ -234,7 +237,7 @@ def room(change):
     Y = [simulator.simulate(u, x0=[20.0, 15.0]) for u in U]
     U, Y = zip(*(change(u.copy(), y + 0.1 * rng.normal(size=y.shape)) for u, y in zip(U, Y)))
     record = Record.from_runs(list(U), list(Y), [np.arange(120.0)] * 2, 1.0)
-    return other_unit(PlantModel(describe(simulator)), record)
+    return other_unit(PlantModel(describe(simulator)), record).sentence
 
 
 @pytest.mark.parametrize(
@@ -262,3 +265,38 @@ def test_an_input_without_a_part_is_in_no_other_unit():
     # A heater that is off: a hundredth of its power explains the record, none of it does too.
     dead = lambda u, y: (u, np.full_like(y, 15.0) + 0.1 * np.random.default_rng(6).normal(size=y.shape))  # noqa: E731
     assert room(dead) == "" and room(lambda u, y: (u, y)) == ""
+
+
+# ---- units that are given, and names that explain more ------------------------------------------------------------------
+def leaking(units):
+    """A store whose nominal model knows no leak: its free run, and readings that are 57 times larger in a model that saturates."""
+    simulator = ODESimulator(
+        lambda t, x, u, p: [u[0] - 30.0 * x[0] / (500.0 + x[0])],
+        states=["store"], inputs=["dose"], outputs=["store"], params={}, dt=1.0, units=units,
+    )  # fmt: skip
+    return PlantModel(describe(simulator))
+
+
+def test_only_angles_are_written_in_degrees():
+    """Numbers that are 57.3 times larger, in a simulator without a unit, and in one whose unit is no angle."""
+    U = [np.repeat(np.random.default_rng(k).uniform(5.0, 25.0, 12), 20)[:, None] for k in range(2)]
+    Y = [np.degrees(leaking({}).plant.simulator.simulate(u, [300.0])) for u in U]
+    record = Record.from_runs(U, Y, [np.arange(240.0)] * 2, 1.0)
+    assert "degrees" in other_unit(leaking({}), record).sentence
+    assert "degrees" in other_unit(leaking({"store": "rad"}), record).sentence
+    assert "degrees" not in other_unit(leaking({"store": "ppm"}), record).sentence
+
+
+@pytest.mark.parametrize(("explains", "asked", "named"), [(0.97, False, False), (0.6, True, True), (0.6, True, False)])
+def test_a_unit_stands_only_where_no_names_explain_more(explains, asked, named, monkeypatch):
+    null, final = (SimpleNamespace(fit=SimpleNamespace(y=y)) for y in ("alone", "with names"))
+    search = SimpleNamespace(standing=null, problem=SimpleNamespace(record="record"), look_for_onsets=lambda: None)
+    search.run, search.final = (lambda: setattr(search, "standing", final)), None
+    pipeline = DiagnosisPipeline.__new__(DiagnosisPipeline)
+    pipeline.search, pipeline.problem = search, search.problem
+    search.fitted_null, pipeline.access = null, SimpleNamespace(other_unit=OtherWriting(explains, "in degrees"))
+    monkeypatch.setattr(_pipeline, "share_explained", lambda record, y: 0.9 if named else 0.5)
+    pipeline.look_for_names()
+    assert (search.standing is final) is asked
+    assert bool(pipeline.access.other_unit.sentence) is not named
+    assert (search.final is null) is (asked and not named)

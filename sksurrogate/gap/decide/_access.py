@@ -16,6 +16,7 @@ from sksurrogate.gap.decide._law_certificate import CertifiedLaw
 from sksurrogate.gap.decide._posterior import Posterior
 from sksurrogate.gap.decide._separations import Separations
 from sksurrogate.gap.fit._evidence import C, Evidence
+from sksurrogate.gap.fit._explained import NOTHING_HELPS, OtherWriting
 from sksurrogate.gap.fit._rounding import Rounding
 from sksurrogate.gap.results._table import EMPTY, Table
 from sksurrogate.gap.search._set_search import SetSearch
@@ -47,7 +48,7 @@ class BaseAccess(ABC, Generic[C]):
     scale: np.ndarray | None = None  #: (n_states,): size of the states
     beside: LawLeft | None = None  #: The likeliest law without a name beside what stands, where one was looked for
     places: list[Place] | None = None  #: Of the gap, the most likely first; None before what is left was looked at
-    other_unit: str = ""  #: A sentence where the record fits in another unit, or with two columns exchanged
+    other_unit: OtherWriting = NOTHING_HELPS  #: Of the record, in which the simulator alone explains it
 
     def __init__(self, search: SetSearch[C], seed: int, excluded: Collection[str] = ()):
         self.search, self.seed, self.complete, self.excluded = search, seed, True, frozenset(excluded)

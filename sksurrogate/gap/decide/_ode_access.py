@@ -222,6 +222,6 @@ class OdeAccess(BaseAccess[OdeCandidate]):
             notes.append(GRID_NOTE.format(name=rounding.sensor, step=rounding.step))
         notes += notes_on_kinks(final.candidate)
         notes += notes_in_more_names(final.candidate, in_more_names(self.search, final))
-        notes += [*([self.other_unit] if self.other_unit and verdict != "none" else []), *self.pieces]
+        notes += [*([self.other_unit.sentence] if self.other_unit.sentence and verdict != "none" else []), *self.pieces]
         some, whole = self.search.problem.record.n_samples, self.whole.n_samples
         return [*notes, PIECES_NOTE.format(some=some, whole=whole)] if whole > some else notes

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from sksurrogate.effects._model import AugmentedModel
@@ -11,10 +13,21 @@ from sksurrogate.physics._model import PlantModel
 
 #: In the right unit the simulator alone explains at least this share of every output's variance more: half of what there is.
 MORE_EXPLAINED = 0.5
-#: Share and sentence where no other way of writing does so.
-NOTHING_HELPS = (-np.inf, "")
+#: Share of the variance that a unit may leave which is in no doubt.
+MOST_UNEXPLAINED = 0.05
 #: Steps of the integrator in a sample, enough where a sample resolves the plant.
 SUBSTEPS_OF_A_LOOK = 8
+
+
+class OtherWriting(NamedTuple):
+    """A record written otherwise than the simulator expects."""
+
+    share: float  #: Share of the variance of each output that the simulator alone explains then, at least
+    sentence: str  #: Empty where nothing helps
+
+
+#: Where no other way of writing explains more.
+NOTHING_HELPS = OtherWriting(-np.inf, "")
 
 
 def explained(model: PlantModel, record: Record) -> float:
@@ -22,7 +35,12 @@ def explained(model: PlantModel, record: Record) -> float:
     start = np.repeat(model.plant.x0[:, None], len(record.starts), axis=1)
     for j, i in enumerate(model.plant.output_states or ()):
         start[i] = record.y[j, record.starts]
-    left = record.residual(nominal_run(model, record, start))
+    return share_explained(record, nominal_run(model, record, start))
+
+
+def share_explained(record: Record, y: np.ndarray) -> float:
+    """The same of predicted outputs (n_outputs, n_samples)."""
+    left = record.residual(y)
     left = left - left.mean(axis=1, keepdims=True)
     with np.errstate(all="ignore"):  # in a unit far off the run may leave the numbers
         share = 1.0 - np.mean(left**2, axis=1) / record.spread**2

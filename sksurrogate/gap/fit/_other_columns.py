@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import combinations, product
 
 import numpy as np
 
-from sksurrogate.gap.fit._explained import MORE_EXPLAINED, NOTHING_HELPS, explained
+from sksurrogate.gap.fit._explained import MORE_EXPLAINED, NOTHING_HELPS, OtherWriting, explained
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics._model import PlantModel
-from sksurrogate.physics._simulator import Plant
+from sksurrogate.physics._simulator import Plant, units_of
 
 #: What people confuse in readings: degrees and radians, thousandths, hundredths; how much larger the numbers are than the simulator's.
 DEGREES = 180.0 / np.pi
 OF_READINGS = (DEGREES, 1000.0, 100.0, 1 / DEGREES, 1 / 1000.0, 1 / 100.0)
 #: Kelvin and degrees Celsius.
 KELVIN = 273.15
+#: Units of angles, and of temperatures.
+ANGLE, TEMPERATURE = re.compile(r"\b(rad|deg|radians?|degrees?)\b|°(?![CFK])"), re.compile(r"^(K|°?[CF]|deg ?[CFK])$")
 #: Columns of a kind, inputs or outputs, of which single ones are tried: a look is a free run.
 MOST_TRIED_COLUMNS = 4
 #: In a unit so far off a column has no part in the motion; of time, or of all signals, the simulator stands still, is linear, or at its
@@ -25,7 +28,7 @@ MOST_TRIED_COLUMNS = 4
 FAR_OFF = 1e9
 
 
-def of_columns(model: PlantModel, record: Record, own: float) -> tuple[float, str]:
+def of_columns(model: PlantModel, record: Record, own: float) -> OtherWriting:
     """Share of the record that the simulator alone explains after something is done to few columns, and a sentence; empty where nothing helps.
 
     ``own``: share that it explains of the record as it is.
@@ -39,9 +42,10 @@ def of_columns(model: PlantModel, record: Record, own: float) -> tuple[float, st
     share = explained(model, dict(_written_otherwise(model.plant, record, moving))[what])
     if share < own + MORE_EXPLAINED:
         return NOTHING_HELPS
-    return share, (
+    return OtherWriting(
+        share,
         f"With {what} the simulator alone explains {100 * share:.0f} % of every output's variance, with the record as it is "
-        f"{100 * own:.0f} %: are the columns of the record those of the simulator, in its units? Mend these columns."
+        f"{100 * own:.0f} %: are the columns of the record those of the simulator, in its units? Mend these columns.",
     )
 
 
@@ -58,20 +62,37 @@ def _written_otherwise(plant: Plant, record: Record, moving: Sequence[int]) -> I
     """
     inputs, outputs = plant.inputs[:MOST_TRIED_COLUMNS], plant.outputs[:MOST_TRIED_COLUMNS]
     m, n = len(record.u), len(record.y)
+    units = units_of(plant.simulator)
     for i, factor in product(moving, OF_READINGS):
-        yield in_words(factor, [inputs[i]]), divided(record, _one(m, i, factor), np.ones(n))
+        if may_differ_by(factor, units.get(inputs[i], "")):
+            yield in_words(factor, [inputs[i]]), divided(record, _one(m, i, factor), np.ones(n))
+    warm = [
+        not unit or bool(TEMPERATURE.search(unit))
+        for unit in (units.get(name, "") for name in (*plant.inputs, *plant.outputs))
+    ]
     for offset in (KELVIN, -KELVIN):
         verb = f"{KELVIN:g} {'taken from' if offset > 0 else 'added to'}"
         for i, name in enumerate(inputs):
-            yield f"{verb} {name}", record.with_inputs(record.u - offset * (np.arange(m) == i)[:, None])
+            if warm[i]:
+                yield f"{verb} {name}", record.with_inputs(record.u - offset * (np.arange(m) == i)[:, None])
         for j, name in enumerate(outputs):
-            yield f"{verb} {name}", replace(record, y=record.y - offset * (np.arange(n) == j)[:, None])
-        if n > 1:
+            if warm[m + j]:
+                yield f"{verb} {name}", replace(record, y=record.y - offset * (np.arange(n) == j)[:, None])
+        if n > 1 and all(warm[m:]):
             yield f"{verb} {', '.join(plant.outputs)}", replace(record, y=record.y - offset)
     for a, b in combinations(range(len(outputs)), 2):
         yield f"{outputs[a]} and {outputs[b]} exchanged", replace(record, y=record.y[_exchanged(n, a, b)])
     for a, b in combinations(range(len(inputs)), 2):
         yield f"{inputs[a]} and {inputs[b]} exchanged", record.with_inputs(record.u[_exchanged(m, a, b)])
+
+
+def may_differ_by(factor: float, unit: str) -> bool:
+    """Whether a column in this unit of the simulator may be written in one so much smaller: in degrees are angles alone.
+
+    >>> may_differ_by(DEGREES, "ppm"), may_differ_by(DEGREES, "rad/s"), may_differ_by(DEGREES, ""), may_differ_by(1000.0, "ppm")
+    (False, True, True, True)
+    """
+    return factor not in (DEGREES, 1 / DEGREES) or not unit or bool(ANGLE.search(unit))
 
 
 def _one(n: int, i: int, factor: float) -> np.ndarray:

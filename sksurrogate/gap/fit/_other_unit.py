@@ -6,32 +6,37 @@ from dataclasses import replace
 
 import numpy as np
 
-from sksurrogate.gap.fit._explained import MORE_EXPLAINED, NOTHING_HELPS, explained, nominal_run
-from sksurrogate.gap.fit._other_columns import FAR_OFF, OF_READINGS, divided, in_words, of_columns
+from sksurrogate.gap.fit._explained import (
+    MORE_EXPLAINED,
+    MOST_UNEXPLAINED,
+    NOTHING_HELPS,
+    OtherWriting,
+    explained,
+    nominal_run,
+)
+from sksurrogate.gap.fit._other_columns import FAR_OFF, OF_READINGS, divided, in_words, may_differ_by, of_columns
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics._model import PlantModel
+from sksurrogate.physics._simulator import units_of
 
 #: What people confuse: a second and its thousandths, its millionths, minutes, hours, days; minutes and days; hours and days.
 UNITS_OF_TIME = (1000.0, 60.0, 3600.0, 1e6, 86400.0, 1440.0, 24.0)
 FACTORS = (*UNITS_OF_TIME, *(1 / factor for factor in UNITS_OF_TIME))
-#: Share of the variance that a unit of all signals may leave, where one far off leaves less than twice as much.
-MOST_UNEXPLAINED = 0.05
 
 
-def other_unit(model: PlantModel, record: Record) -> str:
-    """A sentence where the simulator alone explains the record in another unit, and not in its own; empty where it does not.
+def other_unit(model: PlantModel, record: Record) -> OtherWriting:
+    """The unit in which the simulator alone explains the record, where it does not in its own.
 
     A simulator that says what its own ``timestep`` is was given ``dt`` in that unit, as a multiple of it. Only shorter sample
     times are tried with it: one that is 3600 times longer would take 3600 times as many of its steps.
     """
     own = max(explained(model, record), 0.0)
     if own > 1.0 - MORE_EXPLAINED:
-        return ""
-    _, sentence = max(written(model, record, own) for written in (_of_time, _of_readings, of_columns))
-    return sentence
+        return NOTHING_HELPS
+    return max(written(model, record, own) for written in (_of_time, _of_readings, of_columns))
 
 
-def _of_time(model: PlantModel, record: Record, own: float) -> tuple[float, str]:
+def _of_time(model: PlantModel, record: Record, own: float) -> OtherWriting:
     """Share explained with the sample time in another unit, and the sentence."""
     steps = getattr(model.plant.simulator, "timestep", None) is not None
     tried = [factor for factor in FACTORS if factor < 1.0 or not steps]
@@ -44,27 +49,32 @@ def _of_time(model: PlantModel, record: Record, own: float) -> tuple[float, str]
             NOTHING_HELPS  # what stands still at its first reading leaves nearly as little: runs differ in their starts
         )
     text = f"{best:g} times longer" if best > 1 else f"{1 / best:g} times shorter"
-    return shares[best], (
+    return OtherWriting(
+        shares[best],
         f"With a sample time {text} the simulator alone explains {100 * shares[best]:.0f} % of every output's variance, with "
-        f"dt={record.dt:g} {100 * own:.0f} %: is the unit of time of dt that of the simulator's rates? Write dt={best * record.dt:g}."
+        f"dt={record.dt:g} {100 * own:.0f} %: is the unit of time of dt that of the simulator's rates? Write dt={best * record.dt:g}.",
     )
 
 
-def _of_readings(model: PlantModel, record: Record, own: float) -> tuple[float, str]:
+def _of_readings(model: PlantModel, record: Record, own: float) -> OtherWriting:
     """The same with readings in other units, each in the likeliest one, or all of them and the inputs in the same."""
-    options = [(np.ones(len(record.u)), _likely_units(model, record)), *(_all_in(record, k) for k in OF_READINGS)]
+    plant, units = model.plant, units_of(model.plant.simulator)
+    signals = (*plant.inputs, *plant.outputs)
+    of_all = [k for k in OF_READINGS if all(may_differ_by(k, units.get(name, "")) for name in signals)]
+    options = [(np.ones(len(record.u)), _likely_units(model, record)), *(_all_in(record, k) for k in of_all)]
     found = [explained(model, divided(record, *option)) for option in options]
     best = int(np.argmax(found))
     if found[best] < own + MORE_EXPLAINED:
         return NOTHING_HELPS
-    if best > 0 and _any_further(model, record, OF_READINGS[best - 1], 1.0 - found[best]):
+    if best > 0 and _any_further(model, record, of_all[best - 1], 1.0 - found[best]):
         return NOTHING_HELPS
-    plant, (of_inputs, of_outputs) = model.plant, options[best]
-    names, factors = (*plant.inputs, *plant.outputs), np.concatenate([of_inputs, of_outputs])
-    parts = [in_words(k, [n for n, f in zip(names, factors) if f == k]) for k in dict.fromkeys(factors) if k != 1.0]
-    return found[best], (
+    of_inputs, of_outputs = options[best]
+    factors = np.concatenate([of_inputs, of_outputs])
+    parts = [in_words(k, [n for n, f in zip(signals, factors) if f == k]) for k in dict.fromkeys(factors) if k != 1.0]
+    return OtherWriting(
+        found[best],
         f"With {' and '.join(parts)} the simulator alone explains {100 * found[best]:.0f} % of every output's variance, with "
-        f"the record as it is {100 * own:.0f} %: are the units of the record those of the simulator? Convert these columns."
+        f"the record as it is {100 * own:.0f} %: are the units of the record those of the simulator? Convert these columns.",
     )
 
 
@@ -82,8 +92,10 @@ def _likely_units(model: PlantModel, record: Record) -> np.ndarray:
     size = np.std(nominal, axis=1)
     if not np.isfinite(size).all() or not (size > 0).all():
         return np.ones(len(size))
-    known = np.array([1.0, *OF_READINGS])
-    return known[np.argmin(np.abs(np.log(record.spread / size)[:, None] - np.log(known)), axis=1)]
+    known, units = np.array([1.0, *OF_READINGS]), units_of(model.plant.simulator)
+    off = np.abs(np.log(record.spread / size)[:, None] - np.log(known))
+    may = [[may_differ_by(k, units.get(name, "")) for k in known] for name in model.plant.outputs]
+    return known[np.argmin(np.where(may, off, np.inf), axis=1)]
 
 
 def _all_in(record: Record, factor: float) -> tuple[np.ndarray, np.ndarray]:

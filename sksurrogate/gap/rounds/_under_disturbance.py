@@ -62,7 +62,7 @@ def disturbance_left(pipeline: DiagnosisPipeline[Any]) -> np.ndarray | None:
     for a simulator without states: through ``simulate`` alone no force in a balance is known.
     """
     search = pipeline.search
-    known = isinstance(search.problem, OdeBackend) and search.fitted and not pipeline.access.other_unit
+    known = isinstance(search.problem, OdeBackend) and search.fitted and not pipeline.access.other_unit.sentence
     if not known or pipeline.null.left < FAR:
         return None
     by_cost = sorted(search.fitted.values(), key=lambda one: one.fit.cost)
