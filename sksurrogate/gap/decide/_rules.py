@@ -99,7 +99,7 @@ RULES: tuple[Rule, ...] = (
         "other_unit",
         lambda f: f.other_unit,
         "unknown",
-        "The simulator alone explains the record with its time, or its columns, in another unit, or with two columns exchanged. Effects are not looked for.",
+        "The simulator alone explains the record with its time, or its columns, in another unit, or with two columns exchanged. No effects explain more in its own.",
         law=False,
     ),
     Rule(
