@@ -284,9 +284,14 @@ def _typeset(name: str) -> str:
 
 
 def _written(template: str, factor: Factor, named: Callable[[str], str]) -> str:
-    """A factor by its template."""
+    """A factor by its template.
+
+    >>> Term((("swing", "q", 2.6, 0.0, -0.35),)).text
+    'sin(2.6*q - 0.35)'
+    """
     more = [f"{c:.4g}" for c in factor[4:]]
-    return template.format(v=named(factor[1]), c=f"{factor[2]:.4g}", d=more[0] if more else "")
+    text = template.format(v=named(factor[1]), c=f"{factor[2]:.4g}", d=more[0] if more else "")
+    return text.replace("+ -", "- ")
 
 
 def equation_of(terms: Sequence[Term], coefficients: Sequence[float], latex: bool = False) -> str:

@@ -22,6 +22,7 @@ from sksurrogate.gap.render._headline import (
 )
 from sksurrogate.gap.render._page import html_page
 from sksurrogate.gap.render._terminal import terminal_page
+from sksurrogate.gap.results._data_faults import DataFault, DataFaults
 from sksurrogate.gap.results._next_experiment import NextExperiment
 from sksurrogate.gap.results._provenance import Provenance
 from sksurrogate.gap.results._reasons import Reasons
@@ -68,14 +69,32 @@ def test_an_effect_that_is_not_certain_is_named_with_its_probability():
     reasons = Reasons("uncertain_names", "", {})
     said = headline(report(doubtful, verdict="unknown", reasons=reasons))
     assert said == (
-        "No effect is certain. The likeliest is coulomb friction at speed (level: 0.4 rad/s^2), which closes 97.0 % of the gap on "
+        "There is no certain answer. The likeliest is coulomb friction at speed (level: 0.4 rad/s^2), which closes 97.0 % of the gap on "
         "held-out runs: more likely than not (probability 0.60)."
     )
+    both = replace(
+        report(doubtful, verdict="unknown", reasons=reasons), effects=[replace(WRONG, probability=0.97), doubtful]
+    )
+    assert "coulomb friction at speed is more likely than not (probability 0.60)" in headline(both)
     unsized = Reasons("uncertain_names", "", {"sized": False})
     said = headline(report(replace(FRICTION, probability=0.99), verdict="unknown", reasons=unsized))
     assert said.endswith(
         "of the gap on held-out runs: the interval of a magnitude includes the value at which it does nothing."
     )
+
+
+def test_an_explained_gap_that_leaves_a_disturbance_says_so():
+    left = headline(report(FRICTION, reasons=Reasons("disturbance_left", "", {})))
+    assert left.endswith("What is left follows no law: a disturbance.")
+    assert "disturbance" not in headline(report(FRICTION, reasons=Reasons("closed", "", {})))
+
+
+def test_a_fault_that_is_next_to_nothing_of_the_gap_is_the_last_thing_to_do():
+    faults = [
+        DataFault("shift", None, "output", (), (), 2.0, share, remedy="Look at the clock.") for share in (0.3, 0.001)
+    ]
+    steps = [next_steps(report(FRICTION, data=DataFaults((fault,)))) for fault in faults]
+    assert [step.index("Record: Look at the clock.") for step in steps] == [0, len(steps[1]) - 1]
 
 
 def test_a_free_parameter_that_moved_is_a_change_too():

@@ -22,6 +22,7 @@ from sksurrogate.gap.render._values import (
     percent,
     quantity,
 )
+from sksurrogate.gap.results._data_faults import DataFault
 from sksurrogate.gap.results._effect_estimate import EffectEstimate
 from sksurrogate.gap.results._next_experiment import ENOUGH, NATS_THAT_SETTLE, TIED_LISTED, first_of
 from sksurrogate.gap.results._reasons import UNDECIDED
@@ -37,6 +38,8 @@ SAVE_BY_COMMAND = (
 )
 #: What tells a disturbance from an effect.
 REPEAT = "Repeat a run with the same inputs: what comes back is an effect, what does not is a disturbance."
+#: A fault of the record that is less of the gap, "0 %", is the last thing to do.
+SHOWN_AS_NOTHING = 0.005
 #: A formula longer than this (characters) is not read in a sentence.
 LONGEST_LINE = 80
 
@@ -90,7 +93,7 @@ def _verdict(report: ReportData) -> str:
     if report.verdict == "none":
         return _no_gap(report)
     if report.verdict in ("explained", "partial"):
-        part, rest = (" in part", _what_remains(report)) if report.verdict == "partial" else ("", "")
+        part, rest = (" in part", _what_remains(report)) if report.verdict == "partial" else ("", _disturbed(report))
         return f"The gap is explained{part} by {_named(report)}{_which_closes(report)}.{_doubtful(report)}{rest}"
     if report.reasons.rule == "other_unit":
         return "The record seems to be written otherwise than the simulator expects: in another unit, or with columns exchanged."
@@ -121,6 +124,11 @@ def _which_closes(report: ReportData) -> str:
     return f", which {closed}" if closed else ""
 
 
+def _disturbed(report: ReportData) -> str:
+    """That what an explained gap leaves is a disturbance, where it is more than the tolerance."""
+    return " What is left follows no law: a disturbance." if report.reasons.rule == "disturbance_left" else ""
+
+
 def _doubtful(report: ReportData) -> str:
     """That a name closes the gap, and yet something else is likelier to be its cause; empty where that is not so."""
     doubtful = [effect for effect in report.effects if effect.probability < MORE_LIKELY_THAN_NOT]
@@ -140,14 +148,15 @@ def _no_gap(report: ReportData) -> str:
 
 
 def _uncertain(report: ReportData) -> str:
-    """The likeliest effects, none of which is certain."""
-    likely, features = confidence(min(effect.probability for effect in report.effects)), report.reasons.features
+    """The likeliest effects, of which at least one is not certain."""
+    weakest, features = min(report.effects, key=lambda effect: effect.probability), report.reasons.features
+    likely = f"{effect_text(weakest)} is " * (len(report.effects) > 1) + confidence(weakest.probability)
     if not features.get("shown", True):
         likely = "the data do not show its form (see the note)"
     elif not features.get("sized", True):
         likely = "the interval of a magnitude includes the value at which it does nothing"
     be = "is" if len(report.effects) == 1 else "are"
-    return f"No effect is certain. The likeliest {be} {_named(report)}{_which_closes(report)}: {likely}.{_with_law(report)}"
+    return f"There is no certain answer. The likeliest {be} {_named(report)}{_which_closes(report)}: {likely}.{_with_law(report)}"
 
 
 def _unknown(report: ReportData) -> str:
@@ -259,9 +268,15 @@ def separating(report: ReportData) -> list[dict]:
 def next_steps(report: ReportData) -> list[str]:
     """What to do next, one line each."""
     return [
-        *(f"{fault.location or 'Record'}: {fault.remedy}" for fault in report.data if fault.remedy),
+        *(_remedy(fault) for fault in report.data if fault.remedy and not fault.share < SHOWN_AS_NOTHING),
         *_steps(report),
+        *(_remedy(fault) for fault in report.data if fault.remedy and fault.share < SHOWN_AS_NOTHING),
     ]
+
+
+def _remedy(fault: DataFault) -> str:
+    """What to do about a fault of the record."""
+    return f"{fault.location or 'Record'}: {fault.remedy}"
 
 
 def _steps(report: ReportData) -> list[str]:
