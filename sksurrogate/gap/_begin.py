@@ -196,6 +196,7 @@ def _prepared(
 ) -> DiagnosisPipeline[C]:
     """All stages of a search."""
     n_samples = search.problem.record.n_samples
+    task.progress.begin()
     task.progress.say(f"{len(search.library)} candidates on {n_samples} samples of {len(task.runs)} run(s)")
     return DiagnosisPipeline(task.diagnoser, search, access, task.labels, rows, untestable)
 

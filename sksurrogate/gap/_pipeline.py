@@ -59,6 +59,7 @@ class DiagnosisPipeline(LawStage[C]):
     def run(self, progress: Progress) -> GapReport | None:
         """All stages that were not asked yet, and the report of what is known after them; None where ``book`` has another record by then."""
         self.started_at, came = progress.started_at, self.book
+        progress.begin(sum(stage.share for stage in STAGES[: self.asked]))
         with self.search.second, self.search.later:
             try:
                 for stage in STAGES[self.asked :]:

@@ -44,13 +44,13 @@ def quiet() -> Iterator[None]:
 TOO_EARLY = 0.5
 
 
-def remaining_seconds(elapsed: float, done: float) -> float | None:
-    """Estimate of what remains where a share is done; None where it is too early to tell.
+def remaining_seconds(elapsed: float, done: float, before: float = 0.0) -> float | None:
+    """Estimate of what remains where a share is done, of which some was done ``before``; None where it is too early to tell.
 
-    >>> remaining_seconds(10.0, 0.25)
-    30.0
+    >>> remaining_seconds(10.0, 0.25), remaining_seconds(10.0, 0.75, before=0.5)
+    (30.0, 10.0)
     """
-    return elapsed * (1.0 - done) / done if done > 0.0 and elapsed > TOO_EARLY else None
+    return elapsed * (1.0 - done) / (done - before) if done > before and elapsed > TOO_EARLY else None
 
 
 class Progress:
@@ -62,8 +62,13 @@ class Progress:
 
     def __init__(self, show: Show | None, time_limit: float | None):
         self.show, self.time_limit = show, time_limit
-        self.started_at = time.perf_counter()
-        self.done, self.end = 0.0, 0.0
+        self.started_at = self.round_at = time.perf_counter()
+        self.before, self.done, self.end = 0.0, 0.0, 0.0
+
+    def begin(self, done: float = 0.0) -> None:
+        """A round begins, as after a fault of the record, of which a share was done before."""
+        self.round_at = time.perf_counter()
+        self.before, self.done, self.end = done, done, done
 
     @property
     def elapsed(self) -> float:
@@ -77,10 +82,10 @@ class Progress:
 
     def say(self, message: str) -> None:
         """What is being done."""
-        elapsed = self.elapsed
-        rest = remaining_seconds(elapsed, self.done)
+        now = time.perf_counter()
+        rest = remaining_seconds(now - self.round_at, self.done, self.before)
         if rest is not None and self.time_limit is not None:
-            rest = max(min(rest, self.time_limit - elapsed), 0.0)
+            rest = max(min(rest, self.time_limit - (now - self.started_at)), 0.0)
         if self.show is not None:
             self.show(message, self.done, rest)
         self.done += (self.end - self.done) / 2.0

@@ -149,6 +149,24 @@ def test_progress_tells_share_and_rest(monkeypatch):
     assert shown == [("first", 0.0, None), ("second", 0.25, 12.0), ("third", 0.5, 2.0)]
 
 
+def test_another_round_begins_anew(monkeypatch):
+    """After a fault of the record the bar stood at its end, with nothing left, for minutes."""
+    shown = []
+    now = iter([0.0, 50.0, 100.0, 110.0, 115.0, 120.0])
+    monkeypatch.setattr(_progress, "time", SimpleNamespace(perf_counter=lambda: next(now)))
+    progress = Progress(lambda *what: shown.append(what), time_limit=None)
+    progress.stage(1.0)
+    progress.say("first")
+    progress.begin()
+    progress.stage(0.5)
+    progress.say("again")
+    progress.begin(0.8)  # a round that goes on
+    progress.stage(0.2)
+    progress.say("on")
+    assert [one[:2] for one in shown] == [("first", 0.0), ("again", 0.0), ("on", 0.8)]
+    assert progress.done == pytest.approx(0.9)
+
+
 def test_stages_end_one_after_the_other_within_a_time_limit():
     ends = [stage.until for stage in _pipeline.STAGES if stage.share > 0.0 and np.isfinite(stage.until)]
     assert len(ends) > 5 and np.all(np.diff([0.0, *ends, 1.0]) >= 0.0)
