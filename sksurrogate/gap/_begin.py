@@ -16,12 +16,11 @@ from sksurrogate._parallel._worker_process import WorkerProcess
 from sksurrogate.effects._allowed import allowed_effects, closed_places
 from sksurrogate.effects._base_effect import BaseEffect
 from sksurrogate.effects._catalogue import build_effects, left_out
-from sksurrogate.effects._hidden import HiddenMode, HiddenRelaxation, Hysteresis
-from sksurrogate.effects._input import InputLag, RememberingActuator
-from sksurrogate.effects._sensor import SensorDelay, SensorLag
+from sksurrogate.effects._input import RememberingActuator
+from sksurrogate.effects._sensor import SensorDelay
 from sksurrogate.effects._still import driven_effects
 from sksurrogate.effects._structure import kinematic_states
-from sksurrogate.effects._unsettled_lag import UnsettledInputLag, UnsettledSensorLag
+from sksurrogate.effects._unsettled import in_motion
 from sksurrogate.exceptions import SimulatorError, SurrogateError
 from sksurrogate.gap._pipeline import DiagnosisPipeline
 from sksurrogate.gap._progress import Progress
@@ -49,8 +48,6 @@ from sksurrogate.physics._not_finite import finite_along
 from sksurrogate.physics._simulator import Plant
 from sksurrogate.runs import Runs
 
-#: Effects whose memory need not be at rest where a run begins.
-MAY_MOVE = (Hysteresis, HiddenRelaxation, HiddenMode)
 #: Seconds of a call from which some thousand calls take several minutes.
 SLOW_CALL = 0.1
 
@@ -157,7 +154,7 @@ def _acts_near(effect: BaseEffect, problem: OdeBackend) -> bool:
 
 
 def _candidates(task: Task, balances: Sequence[str]) -> list[BaseEffect]:
-    """All effects; where clocks may be apart a sensor may be early, and an actuator may have been at rest before a run that begins with a step, and a slow actuator, sensor or companion not."""
+    """All effects; a memory may be in motion where a run begins, or an actuator at rest before a first step; a sensor may be early where clocks are apart."""
     earliest, record = -float(task.diagnoser.clock_offset), task.whole
     stepped = {name for name, u in zip(task.plant.inputs, record.u) if np.any(u[record.starts])}
     found: list[BaseEffect] = []
@@ -167,12 +164,8 @@ def _candidates(task: Task, balances: Sequence[str]) -> list[BaseEffect]:
         found.append(one)
         if isinstance(one, RememberingActuator) and one.before is None and one.location in stepped:
             found.append(type(one)(one.location, one.variable, before=0.0))
-        if type(one) is InputLag and one.before is None:
-            found.append(UnsettledInputLag(one.location))
-        if type(one) is SensorLag and task.plant.output_states is not None and task.plant.access != "trajectory":
-            found.append(UnsettledSensorLag(one.location))
-        if isinstance(one, MAY_MOVE) and one.settled:
-            found.append(type(one)(one.location, one.variable, settled=False))
+        moving = in_motion(one, task.plant)
+        found += [] if moving is None else [moving]
     return found
 
 

@@ -53,23 +53,30 @@ SOME = [
     "coulomb_friction",
     "linear_loss",
     "sensor_lag",
+    "rate_limit",
+    "input_lag",
     "parameter_error",
 ]
-LACKING = {"hidden_mode": (8.0, 9.0, 0.04), "hysteresis": (6.0, 0.15)}
+LACKING = {
+    "hidden_mode": (("v", "q"), (8.0, 9.0, 0.04)),
+    "hysteresis": (("v", "q"), (6.0, 0.15)),
+    "rate_limit": (("f",), (6.0,)),
+}
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", LACKING)
 def test_runs_cut_out_of_one_record_begin_with_a_memory_in_motion(name):
-    """From rest alone a mode was given to another signal, with a false name beside it, and a hysteresis left a third more than the noise."""
-    rng, n = np.random.default_rng(0), 1300
+    """From rest alone a mode went to another signal, a speed limit got a false name beside it, and a hysteresis left half more than the noise."""
+    rng, n, (place, theta) = np.random.default_rng(0), 1300, LACKING[name]
     U = np.repeat(rng.uniform(-4.0, 4.0, n // 25), 25)[:, None]
-    y = AugmentedSimulator(SPRING, [CATALOGUE[name]("v", "q")], [LACKING[name]]).simulate(U)
+    y = AugmentedSimulator(SPRING, [CATALOGUE[name](*place)], [theta]).simulate(U)
     y += 0.005 * np.ptp(y, axis=0) * rng.normal(size=y.shape)
     rows = np.concatenate([np.arange(a, a + 180) for a in (50, 260, 455, 700, 880, 1090)])
     diagnoser = GapDiagnoser(SPRING, effects=SOME, free_params=[], random_state=0, n_jobs=1)
     report = diagnoser.fit(U[rows], y[rows], groups=np.repeat(np.arange(6), 180)).report_
     (found,) = report.effects
-    assert (report.verdict, found.name, found.location, found.variable) == ("explained", name, "v", "q"), str(report)
+    where = found.location, found.variable
+    assert (report.verdict, found.name, where[: len(place)]) == ("explained", name, place), str(report)
     assert not found.settled and found.probability > 0.9
-    np.testing.assert_allclose(list(found.params.values()), LACKING[name], rtol=0.15)
+    np.testing.assert_allclose(list(found.params.values()), theta, rtol=0.15)

@@ -108,11 +108,11 @@ class Responses:
 
     def columns(self, effect: BaseEffect, starts: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:
         """Change of the measured outputs for every start (n_parameters, n_starts): (n_outputs, n_starts, n_samples); trajectories."""
+        if effect.settled_form is not effect:  # a memory in motion is seen as one at rest
+            return self.columns(effect.settled_form, starts)
         problem, theta = self.problem, self.theta_with(starts)
         model = problem.augmented((*self.base.effects, effect))
         paths = self.paths(effect, model, starts)
-        if effect.kind == "output" and not effect.at_rest:  # a sensor in motion is seen as one at rest
-            return self.columns(effect.settled_form, starts)[0], paths
         direct = self.acts_at_once(effect, model)
         out = np.zeros((len(problem.record.y), starts.shape[1], problem.record.n_samples))
         if isinstance(effect, LimitEffect):

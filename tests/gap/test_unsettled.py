@@ -8,7 +8,7 @@ from sksurrogate.effects import CATALOGUE
 from sksurrogate.effects._input import InputLag
 from sksurrogate.effects._model import AugmentedModel
 from sksurrogate.effects._sensor import SensorLag
-from sksurrogate.effects._unsettled_lag import UnsettledInputLag, UnsettledSensorLag
+from sksurrogate.effects._unsettled import UnsettledInputLag, UnsettledSensorLag
 from sksurrogate.gap import GapDiagnoser
 from sksurrogate.gap.render._code import code_of
 from sksurrogate.kernels.free_runs import free_run
