@@ -25,18 +25,18 @@ OPTION_OF = {
     "follow_up": "--follow-up",
 }
 #: How Python writes what is expected, and how an option does.
-WRITTEN = (
+IN_THE_COMMAND = (
     (r"\(low, high\) with low < high; None leaves a side", "NAME=LOW:HIGH with LOW below HIGH; an empty side is"),
     (r"\(mean, standard deviation\)", "MEAN:SD"),
     (r"for instance \(([^(),]+), ([^(),]+)\)", r"for instance \1:\2"),
     (r"tuples \(name, location\) or \(name, location, variable\)", "effect@place or effect@place@variable"),
     (r" An effect of your own goes in as a class or an instance\.", ""),
 )
-_ANY = "|".join(OPTION_OF)
+_ANY_PARAMETER = "|".join(OPTION_OF)
 _NO_WORD = "|".join(name for name in OPTION_OF if "_" in name)
 #: With a value anywhere; as the subject of a message at its beginning; where it can be no word of the language, anywhere.
 _MENTIONED = re.compile(
-    rf"(?<![\w.'\"-])(?P<set>{_ANY})(\[(?P<key>'[^']*')\])?=|^(?P<held>{_ANY}) holds |^(?P<first>{_ANY})(?=:| names )"
+    rf"(?<![\w.'\"-])(?P<set>{_ANY_PARAMETER})(\[(?P<key>'[^']*')\])?=|^(?P<held>{_ANY_PARAMETER}) holds |^(?P<first>{_ANY_PARAMETER})(?=:| names )"
     rf"|(?<![\w.'\"-])(?P<bare>{_NO_WORD})\b"
 )
 
@@ -51,7 +51,7 @@ def in_options(said: str) -> str:
     >>> in_options("exclude holds ('drift', 'nowhere'): 'nowhere' is not a place, for example exclude=['drift', 'level'].")
     "--exclude drift@nowhere: 'nowhere' is not a place, for example --exclude drift level."
     """
-    for python, option in WRITTEN:
+    for python, option in IN_THE_COMMAND:
         said = re.sub(python, option, said)
     out, done = "", 0
     for found in _MENTIONED.finditer(said):

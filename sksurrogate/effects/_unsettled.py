@@ -16,11 +16,20 @@ from sksurrogate.effects._sensor import SensorLag
 from sksurrogate.effects._smooth import TINY, WITHIN_SAMPLE, follow
 from sksurrogate.physics._simulator import Plant
 
+#: What is said of an effect wherever it begins.
+_TOLD = ("name", "parameters", "equation", "signature", "twins", "rarity")
+
 
 class _Unsettled(HiddenEffect):
     """An effect with a memory, from where this stood when a run began: a hidden state in place of a known start."""
 
     known: ClassVar[type[InputLag | RateLimit | SensorLag]]  #: The effect that begins at rest
+
+    def __init_subclass__(cls) -> None:
+        """It is told as the effect is."""
+        super().__init_subclass__()
+        for attribute in _TOLD if "known" in vars(cls) else ():
+            setattr(cls, attribute, getattr(cls.known, attribute))
 
     def __init__(self, location: str | None = None):
         super().__init__(location, location, settled=False)
@@ -80,13 +89,7 @@ class UnsettledInputLag(_UnsettledLag):
     """
 
     known = InputLag
-    name = InputLag.name
-    parameters = InputLag.parameters
-    equation = InputLag.equation
-    signature = InputLag.signature
     typical = "the actuator follows within the runs, and not within a sample"
-    twins = InputLag.twins
-    rarity = InputLag.rarity
 
 
 class UnsettledSensorLag(_UnsettledLag):
@@ -102,13 +105,7 @@ class UnsettledSensorLag(_UnsettledLag):
 
     kind = "output"
     known = SensorLag
-    name = SensorLag.name
-    parameters = SensorLag.parameters
-    equation = SensorLag.equation
-    signature = SensorLag.signature
     typical = "the sensor follows within the runs, and not within a sample"
-    twins = SensorLag.twins
-    rarity = SensorLag.rarity
 
 
 class UnsettledRateLimit(_Unsettled):
@@ -123,12 +120,6 @@ class UnsettledRateLimit(_Unsettled):
     """
 
     known = RateLimit
-    name = RateLimit.name
-    parameters = RateLimit.parameters
-    equation = RateLimit.equation
-    signature = RateLimit.signature
-    twins = RateLimit.twins
-    rarity = RateLimit.rarity
 
     def rates(
         self, z: np.ndarray, t: Any, v: np.ndarray, dv: np.ndarray, theta: Sequence[Any], width: float

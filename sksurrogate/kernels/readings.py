@@ -32,7 +32,7 @@ JUMP, JUMP_OVER_USUAL = 12.0, 3.0
 MOST_WRONG = 0.15
 
 #: A reading out of reach is so many times what half of the readings span off their middle.
-REACH = 100.0
+FAR_FROM_ALL = 100.0
 
 
 class Stretch(NamedTuple):
@@ -182,7 +182,7 @@ def flat_stretches(y: np.ndarray, sd: float) -> list[Stretch]:
 
 
 def out_of_reach(y: np.ndarray) -> np.ndarray:
-    """Which readings no plant gives: single ones, or of one value repeated (a code for "no reading"), :data:`REACH` off all others.
+    """Which readings no plant gives: single ones, or of one value repeated (a code for "no reading"), :data:`FAR_FROM_ALL` off all others.
 
     ``y`` (n_samples,): none where half of the readings are equal, which tells no range.
     Returns bool (n_samples,).
@@ -195,7 +195,7 @@ def out_of_reach(y: np.ndarray) -> np.ndarray:
     low, middle, high = np.quantile(y, [0.25, 0.5, 0.75]) if len(y) else np.zeros(3)
     if not high > low:
         return np.zeros(len(y), bool)
-    far = np.abs(y - middle) > REACH * (high - low)
+    far = np.abs(y - middle) > FAR_FROM_ALL * (high - low)
     beside = np.r_[False, far[:-1]] | np.r_[far[1:], False]
     _, place, count = np.unique(y[far], return_inverse=True, return_counts=True)
     far[far] = (count[place] > 1) | ~beside[far]

@@ -20,7 +20,10 @@ OF_READINGS = (DEGREES, 1000.0, 100.0, 1 / DEGREES, 1 / 1000.0, 1 / 100.0)
 #: Kelvin and degrees Celsius.
 KELVIN = 273.15
 #: Units of angles, and of temperatures.
-ANGLE, TEMPERATURE = re.compile(r"\b(rad|deg|radians?|degrees?)\b|°(?![CFK])"), re.compile(r"^(K|°?[CF]|deg ?[CFK])$")
+OF_ANGLES, OF_TEMPERATURES = (
+    re.compile(r"\b(rad|deg|radians?|degrees?)\b|°(?![CFK])"),
+    re.compile(r"^(K|°?[CF]|deg ?[CFK])$"),
+)
 #: Columns of a kind, inputs or outputs, of which single ones are tried: a look is a free run.
 MOST_TRIED_COLUMNS = 4
 #: In a unit so far off a column has no part in the motion; of time, or of all signals, the simulator stands still, is linear, or at its
@@ -66,10 +69,7 @@ def _written_otherwise(plant: Plant, record: Record, moving: Sequence[int]) -> I
     for i, factor in product(moving, OF_READINGS):
         if may_differ_by(factor, units.get(inputs[i], "")):
             yield in_words(factor, [inputs[i]]), divided(record, _one(m, i, factor), np.ones(n))
-    warm = [
-        not unit or bool(TEMPERATURE.search(unit))
-        for unit in (units.get(name, "") for name in (*plant.inputs, *plant.outputs))
-    ]
+    warm = [may_be_a_temperature(units.get(name, "")) for name in (*plant.inputs, *plant.outputs)]
     for offset in (KELVIN, -KELVIN):
         verb = f"{KELVIN:g} {'taken from' if offset > 0 else 'added to'}"
         for i, name in enumerate(inputs):
@@ -92,7 +92,16 @@ def may_differ_by(factor: float, unit: str) -> bool:
     >>> may_differ_by(DEGREES, "ppm"), may_differ_by(DEGREES, "rad/s"), may_differ_by(DEGREES, ""), may_differ_by(1000.0, "ppm")
     (False, True, True, True)
     """
-    return factor not in (DEGREES, 1 / DEGREES) or not unit or bool(ANGLE.search(unit))
+    return factor not in (DEGREES, 1 / DEGREES) or not unit or bool(OF_ANGLES.search(unit))
+
+
+def may_be_a_temperature(unit: str) -> bool:
+    """Whether a column in this unit of the simulator may be written in kelvin, or in degrees Celsius.
+
+    >>> may_be_a_temperature("K"), may_be_a_temperature(""), may_be_a_temperature("bar")
+    (True, True, False)
+    """
+    return not unit or bool(OF_TEMPERATURES.search(unit))
 
 
 def _one(n: int, i: int, factor: float) -> np.ndarray:

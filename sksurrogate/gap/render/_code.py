@@ -15,7 +15,7 @@ from sksurrogate.gap.results._effect_estimate import EffectEstimate
 from sksurrogate.gap.results._report_data import ReportData
 
 #: Effects that may begin elsewhere than at rest.
-_REMEMBERING = {name for name, kind in CATALOGUE.items() if issubclass(kind, HiddenEffect)}
+_WITH_HIDDEN_STATES = {name for name, kind in CATALOGUE.items() if issubclass(kind, HiddenEffect)}
 
 _FROM_FILE = """\
 from sksurrogate.cli import load_simulator
@@ -104,7 +104,7 @@ def _made(effect: EffectEstimate) -> str:
     """``CATALOGUE["name"](place, variable)``, within its window and from its start where it has one."""
     given = [repr(place) for place in (effect.location, effect.variable) if place is not None]
     given += [] if effect.before is None else [f"before={effect.before!r}"]
-    given += ["settled=False"] if not effect.settled and effect.name in _REMEMBERING else []
+    given += ["settled=False"] if not effect.settled and effect.name in _WITH_HIDDEN_STATES else []
     given += [f"corner={number(effect.corner, 12)}"] if effect.corner else []
     made = f'CATALOGUE["{effect.name}"]({", ".join(given)})'
     span = tuple(name for name in effect.params if name in WINDOW)

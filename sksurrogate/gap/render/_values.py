@@ -47,7 +47,7 @@ def percent(share: float) -> str:
 
 
 #: A part of the samples whose share of the gap differs by less than this stands out in nothing.
-ALIKE = 0.05
+EVEN_WITHIN = 0.05
 EVENLY = "The gap is spread evenly over the operating range: no part of it stands out."
 
 
@@ -58,7 +58,7 @@ def spread_evenly(by_region: Table) -> bool:
     >>> spread_evenly(Table(rows)), spread_evenly(Table(({**rows[0], "share": 0.8}, {**rows[1], "share": 0.2})))
     (True, False)
     """
-    return len(by_region) > 1 and all(abs(row["share"] - row["samples"]) < ALIKE for row in by_region)
+    return len(by_region) > 1 and all(abs(row["share"] - row["samples"]) < EVEN_WITHIN for row in by_region)
 
 
 def piece(report: ReportData) -> str:
