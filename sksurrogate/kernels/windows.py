@@ -19,6 +19,8 @@ FIRST_WINDOW, SHORTEST_WINDOW = 64, 12
 LARGEST = 20_000
 #: Correction, over the size of each state, at which a window counts as closed; the last one shrinks it a hundredfold at least.
 WINDOW_CLOSED = 1e-11
+#: Share of a state that counts as its size far from where it began: a hundred roundings of it are what a window closes to.
+ROUNDED_OFF = 100.0 * np.finfo(float).eps / WINDOW_CLOSED
 #: Newton steps of a window, and fresh Jacobians among them, before it is cut.
 MOST_STEPS, MOST_FRESH = 16, 10
 #: Growth, after every window that is closed, of the width that is tried at most: one that failed is tried again later.
@@ -99,6 +101,7 @@ def _window(
     if near is not None:
         x = near[:, rows].copy()
         x[:, begin] = out[:, first]
+    size = np.maximum(size, ROUNDED_OFF * np.max(np.abs(out[:, first]), axis=1))
     x, closed, _ = close(
         lambda z: step(z, rows), x, begin, size, WINDOW_CLOSED, max_steps=MOST_STEPS, max_fresh=MOST_FRESH
     )

@@ -137,3 +137,18 @@ def test_where_newton_fails_on_a_step_its_runs_close_in_windows_if_one_call_take
     assert ok and fit.jumps is not vectorised
     np.testing.assert_allclose(x, np.concatenate(runs).T, atol=1e-9)
     assert len(asked) < n / 4 if vectorised else len(asked) >= 2 * (n - 1)
+
+
+def test_a_run_that_leaves_its_size_behind_is_closed_in_windows_too():
+    rows, calls = 400, []
+
+    def growing(x, rows):
+        calls.append(len(rows))
+        return 1.2 * x + 0.1 * np.sin(x)
+
+    found = run_in_windows(growing, np.ones((1, 1)), np.array([0]), np.array([rows]), np.ones(1))
+    windowed = len(calls)
+    exact = walked(growing, np.ones((1, 1)), np.array([0]), np.array([rows]))
+    assert exact[0, -1] > 1e25
+    np.testing.assert_allclose(found, exact, rtol=1e-9)
+    assert windowed < rows / 2
