@@ -50,6 +50,7 @@ class Posterior:
     #: Names of a set that leaves too much of the gap to be weighed
     too_far: tuple[str, ...] = ()
     elsewhere: tuple[tuple[frozenset, float], ...] = ()  #: Keys of other sets, and nats by which they are likelier
+    fell: Evidence | None = None  #: The effect that fell last where none stands: a law in its place is as likely
 
 
 def weigh(search: OdeSearch, final: Evidence) -> Posterior:
@@ -135,11 +136,11 @@ def _likeliest(search: OdeSearch, final: Evidence, fallen: set[frozenset]) -> tu
         else:
             fewer = search.without(final.candidate, least if redundant is None else redundant)
             if fewer is None or not fewer.effects:
-                break
+                search.final = search.fitted_null
+                return search.fitted_null, Posterior((), None, fell=final)
             final = taken(search, fewer, final)
     search.final = search.fitted_null
-    far = tuple(effect.name for effect in final.effects) if leaves_most(final, search.gap_cost) else ()
-    return search.fitted_null, Posterior((), None, too_far=far)
+    return search.fitted_null, Posterior((), None, too_far=tuple(effect.name for effect in final.effects))
 
 
 def _sure_part(search: OdeSearch, final: Evidence, posterior: Posterior) -> tuple[Evidence, Posterior]:

@@ -148,11 +148,31 @@ def nearest(effect: BaseEffect, theta: Sequence[float], left: float) -> str:
     >>> nearest(CATALOGUE["input_saturation"]("force"), (2.5,), 0.17)[:91]
     'The law has no name. Of the catalogue, input saturation at force (limit 2.5) comes nearest:'
     """
-    values = ", ".join(f"{parameter.name} {value:.4g}" for parameter, value in zip(effect.parameters, theta))
     return (
-        f"The law has no name. Of the catalogue, {name_of(effect)} ({values}) comes nearest: alone it "
+        f"The law has no name. Of the catalogue, {with_values(effect, theta)} comes nearest: alone it "
         f"leaves {percent(left)} of the gap in the data that it was fitted to."
     )
+
+
+def nearer(effect: BaseEffect, theta: Sequence[float], closed: float, closed_by_law: float) -> str:
+    """The effect that closes more of the gap (amplitude) on runs left out than the law that was found, and why it is not named.
+
+    >>> from sksurrogate.effects import CATALOGUE
+    >>> print(nearer(CATALOGUE["rate_limit"]("command"), (2.5,), 0.789, 0.266))
+    Rate limit at command (limit 2.5) closes 78.9 % of the gap on held-out runs, the law 26.6 %. It is not named: along the measured data a law without a name is as likely in its place.
+    """
+    law = f"the law {percent(closed_by_law)}" if np.isfinite(closed_by_law) else "and no law was found"
+    what = with_values(effect, theta)
+    return (
+        f"{what[0].upper()}{what[1:]} closes {percent(closed)} of the gap on held-out runs, {law}. It is not named: "
+        "along the measured data a law without a name is as likely in its place."
+    )
+
+
+def with_values(effect: BaseEffect, theta: Sequence[float]) -> str:
+    """An effect with its parameters."""
+    values = ", ".join(f"{parameter.name} {value:.4g}" for parameter, value in zip(effect.parameters, theta))
+    return f"{name_of(effect)} ({values})"
 
 
 def not_shown(effects: Sequence[BaseEffect]) -> list[str]:
