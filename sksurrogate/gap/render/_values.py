@@ -89,11 +89,13 @@ def confidence(probability: float) -> str:
 
     >>> confidence(0.96), confidence(0.7), confidence(0.2), confidence(float("nan"))
     ('very likely (probability 0.96)', 'likely (probability 0.70)', 'uncertain (probability 0.20)', 'probability not known yet')
+    >>> confidence(0.0004)
+    'uncertain (probability below 0.01)'
     """
     if np.isnan(probability):
         return "probability not known yet"
     word = next(text for least, text in WORDS if probability >= least)
-    return f"{word} (probability {probability:.2f})"
+    return f"{word} (probability {probability:.2f})" if probability >= 0.005 else f"{word} (probability below 0.01)"
 
 
 def readable(name: str) -> str:
