@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from sksurrogate.effects._catalogue import name_of
 from sksurrogate.effects._simulator import AugmentedSimulator
 from sksurrogate.gap._state import DiagnosisState
 from sksurrogate.gap.decide._choice_by_fold import names_by_fold
@@ -24,6 +25,7 @@ from sksurrogate.gap.faults._input_timing import with_joined_inputs
 from sksurrogate.gap.fit._closeness import NEARLY_WHITE
 from sksurrogate.gap.fit._evidence import C, Evidence
 from sksurrogate.gap.fit._known_parameters import value_of
+from sksurrogate.gap.render._values import capitalised
 from sksurrogate.gap.results._law import Law
 from sksurrogate.gap.search._stopping import STACK
 from sksurrogate.gap.unnamed._law_evidence import place_and_signal
@@ -108,7 +110,7 @@ class LawStage(DiagnosisState[C]):
 
     def withdraw_names(self, why: str) -> HeldOut:
         """The null stands, measured again on runs left out."""
-        after = self.withdraw(why.format(names=", ".join(effect.name for effect in self.final.effects)))
+        after = self.withdraw(why.format(names=capitalised("; ".join(map(name_of, self.final.effects)))))
         self.share_the_gap()
         return after
 

@@ -195,7 +195,7 @@ class DiagnosisPipeline(LawStage[C]):
             where = "beyond what the noise of an input makes up"
         elif certified(found.shrink, partial(likelier_held_out, final, held)):
             return
-        self.withdraw(_notes.too_little([effect.name for effect in final.effects], where))
+        self.withdraw(_notes.too_little([name_of(effect) for effect in final.effects], where))
 
     def suggest_an_experiment(self) -> None:
         """The experiment that would tell apart what these data cannot."""

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import expit
 
+from sksurrogate.effects._catalogue import name_of
 from sksurrogate.gap.decide._contenders import (
     Contender,
     contender,
@@ -140,7 +141,7 @@ def _likeliest(search: OdeSearch, final: Evidence, fallen: set[frozenset]) -> tu
                 return search.fitted_null, Posterior((), None, fell=final)
             final = taken(search, fewer, final)
     search.final = search.fitted_null
-    return search.fitted_null, Posterior((), None, too_far=tuple(effect.name for effect in final.effects))
+    return search.fitted_null, Posterior((), None, too_far=tuple(map(name_of, final.effects)))
 
 
 def _sure_part(search: OdeSearch, final: Evidence, posterior: Posterior) -> tuple[Evidence, Posterior]:

@@ -11,6 +11,7 @@ from sksurrogate.gap.decide._rules import PRACTICAL
 from sksurrogate.gap.render._units import TIME
 from sksurrogate.gap.render._values import (
     MORE_LIKELY_THAN_NOT,
+    capitalised,
     change_of,
     confidence,
     effect_text,
@@ -162,7 +163,7 @@ def _uncertain(report: ReportData) -> str:
 def _unknown(report: ReportData) -> str:
     """The place of what is missing, and what is not enough."""
     named, closed = _named(report), _closed(report)
-    not_enough = f" {named[0].upper()}{named[1:]} {closed}, not enough." if report.effects and closed else ""
+    not_enough = f" {capitalised(named)} {closed}, not enough." if report.effects and closed else ""
     if report.where.location is None:
         return f"Something is missing, and these data do not show where.{not_enough}"
     place = _place(report.where.kind, report.where.location)

@@ -9,7 +9,7 @@ import numpy as np
 from sksurrogate.effects._base_effect import BaseEffect
 from sksurrogate.effects._catalogue import name_of
 from sksurrogate.gap.decide._rules import PRACTICAL
-from sksurrogate.gap.render._values import percent
+from sksurrogate.gap.render._values import capitalised, percent
 from sksurrogate.gap.results._next_experiment import first_of
 from sksurrogate.gap.results._shrink import Shrink
 from sksurrogate.gap.results._table import Table
@@ -162,9 +162,8 @@ def nearer(effect: BaseEffect, theta: Sequence[float], closed: float, closed_by_
     Rate limit at command (limit 2.5) closes 78.9 % of the gap on held-out runs, the law 26.6 %. It is not named: along the measured data a law without a name is as likely in its place.
     """
     law = f"the law {percent(closed_by_law)}" if np.isfinite(closed_by_law) else "and no law was found"
-    what = with_values(effect, theta)
     return (
-        f"{what[0].upper()}{what[1:]} closes {percent(closed)} of the gap on held-out runs, {law}. It is not named: "
+        f"{capitalised(with_values(effect, theta))} closes {percent(closed)} of the gap on held-out runs, {law}. It is not named: "
         "along the measured data a law without a name is as likely in its place."
     )
 
@@ -188,7 +187,7 @@ def not_shown(effects: Sequence[BaseEffect]) -> list[str]:
 def too_little(names: Sequence[str], where: str = "in the data") -> str:
     """Said of names that are withdrawn.
 
-    >>> too_little(["input_delay"])
-    'input_delay passed the evidence but closed too little of the gap in the data; no name is given.'
+    >>> too_little(["input delay at force"])
+    'Input delay at force passed the evidence but closed too little of the gap in the data; no name is given.'
     """
-    return f"{', '.join(names)} passed the evidence but closed too little of the gap {where}; no name is given."
+    return f"{capitalised('; '.join(names))} passed the evidence but closed too little of the gap {where}; no name is given."

@@ -27,7 +27,7 @@ from sksurrogate.gap.render._style import STYLE
 from sksurrogate.gap.render._svg import bars
 from sksurrogate.gap.render._tables import explained
 from sksurrogate.gap.render._units import TIME, labelled, range_text, unit_column
-from sksurrogate.gap.render._values import EVENLY, effect_text, held_out, spread_evenly
+from sksurrogate.gap.render._values import EVENLY, capitalised, effect_text, held_out, spread_evenly
 from sksurrogate.gap.render._waterfall import caption, closed, longest_bar, waterfall
 from sksurrogate.gap.results._effect_estimate import EffectEstimate
 from sksurrogate.gap.results._missing_term import Curve, MissingTerm
@@ -100,7 +100,7 @@ def _named(effect: EffectEstimate, report: ReportData) -> str:
     """One named effect: its form, its curve, what else explains the data."""
     others = not_identified(effect)
     parts = [
-        f"<h2>{escape(effect_text(effect)[0].upper() + effect_text(effect)[1:])}</h2>",
+        f"<h2>{escape(capitalised(effect_text(effect)))}</h2>",
         form_of(effect),
         effect_html(effect, report),
     ]

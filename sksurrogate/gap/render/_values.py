@@ -98,6 +98,15 @@ def confidence(probability: float) -> str:
     return f"{word} (probability {probability:.2f})" if probability >= 0.005 else f"{word} (probability below 0.01)"
 
 
+def capitalised(text: str) -> str:
+    """A text as the beginning of a sentence.
+
+    >>> capitalised("rate limit at Kp")
+    'Rate limit at Kp'
+    """
+    return text[:1].upper() + text[1:]
+
+
 def readable(name: str) -> str:
     """A name of the catalogue as words."""
     return name.replace("_", " ")
