@@ -99,7 +99,7 @@ def follow(rate: Any) -> Any:
     >>> (follow(np.array([0.1, 1e6])) * np.array([0.1, 1e6])).round(4)
     array([0.1, 2. ])
     """
-    square = np.square(0.5 * rate)
+    square = (0.5 * rate) ** 2
     return 1.0 / np.sqrt(np.sqrt(1.0 + square * square))  # roots take a quarter of the time of powers
 
 
