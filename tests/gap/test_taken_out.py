@@ -9,7 +9,8 @@ from sksurrogate.effects import CATALOGUE, AugmentedSimulator
 from sksurrogate.gap.fit._build import build_problem
 from sksurrogate.gap.fit._evidence import estimate_noise
 from sksurrogate.gap.fit._ode import OdeBackend
-from sksurrogate.gap.search._met_twins import twins_of, with_twin
+from sksurrogate.gap.screen._twins import Twin
+from sksurrogate.gap.search._met_twins import most_left, twins_of, with_twin
 from sksurrogate.gap.search._ode_search import OdeSearch
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics import ODESimulator
@@ -56,6 +57,16 @@ def test_the_exact_twin_is_found_from_there(fitted):
     assert found.effects[-1].name == "parameter_error"
     assert found.fit.cost == pytest.approx(candidate.fit.cost, rel=1e-6)
     assert found.fit.theta == pytest.approx(candidate.fit.theta, rel=1e-3)
+
+
+def test_a_twin_that_cannot_come_near_is_abandoned(fitted):
+    problem, candidate = fitted
+    search = OdeSearch(problem, list(EFFECTS), candidate.fit.x)
+    twin = Twin((0, 1), CATALOGUE["input_lag"]("pump"), np.array([1.0]), 0.0)
+    found = with_twin(search, candidate, twin)
+    whole = problem.fit((twin.effect,), twin.theta, candidate.states, open_steps=0)
+    assert whole.fit.cost > 3.0 * most_left(candidate)
+    assert found.fit.n_iterations < whole.fit.n_iterations
 
 
 def test_a_set_that_is_fitted_again_is_as_near_to_the_data_as_it_was(fitted, monkeypatch):

@@ -50,18 +50,26 @@ def twins_of(search: Expander, named: OdeCandidate) -> list[Twin]:
         distant = several and search.judged[named].left < SETTLED
         near = (several or bool(search.problem.free)) and not search.frugal
         asked = [e for e in search.library if e.late or (distant if e.key in late else near)]
-        others, most = [e for e in asked if e.key not in named.keys], ABOUT * named.fit.cost + 50.0 * EQUAL
-        found = twins(named, others, search.guess(named), most)
+        others = [e for e in asked if e.key not in named.keys]
+        found = twins(named, others, search.guess(named), most_left(named))
         search.last_twins = named, sorted(found, key=lambda twin: twin.left)
     return search.last_twins[1]
 
 
+def most_left(named: OdeCandidate) -> float:
+    """The cost at which an effect still does about what some of a set do."""
+    return ABOUT * named.fit.cost + 50.0 * EQUAL
+
+
 def with_twin(search: Expander, named: OdeCandidate, twin: Twin) -> OdeCandidate | None:
-    """A set with another effect in the place of those that it does the same as; None where it runs away, or does not show."""
+    """A set with another effect in the place of those that it does the same as; None where it runs away, or does not show.
+
+    A fit that cannot come near what the screen expects is abandoned.
+    """
     rest, values = named.without_effect(*twin.places)
     n = len(values) - len(search.problem.free)
     start = np.concatenate([values[:n], twin.theta, values[n:]])
-    one = named.problem.fit((*rest, twin.effect), start, named.states, open_steps=0)
+    one = named.problem.fit((*rest, twin.effect), start, named.states, open_steps=0, best=most_left(named))
     if one is None or not search.plausible(one):
         return None
     search.remember([one])
