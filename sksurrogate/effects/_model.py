@@ -27,7 +27,7 @@ from sksurrogate.effects._wires import beside, entering, factors, kink_width, wi
 from sksurrogate.kernels.clock import check_time
 from sksurrogate.kernels.integrate import closing_weight, rk4
 from sksurrogate.kernels.record import Record
-from sksurrogate.kernels.signals import Signal, hold, stacked
+from sksurrogate.kernels.signals import Signal, stacked
 from sksurrogate.physics._model import PlantModel
 
 
@@ -91,19 +91,15 @@ class AugmentedModel:
             return float(self.nominal_scale[self.plant.states.index(name)])
         return float(self.input_scale[self.plant.inputs.index(name)])
 
-    @cached_property
+    @property
     def held(self) -> list[Signal]:
         """Every input as it was recorded before it was cut, between the samples too."""
-        order, uncut = self.record.order_of_inputs(self.plant.hold), self.record.uncut
-        return [hold(u, self.n_sub, order, uncut.starts) for u in uncut.u]
+        return self.record.uncut.held(self.n_sub, self.record.order_of_inputs(self.plant.hold))
 
-    @cached_property
+    @property
     def plain_inputs(self) -> tuple[np.ndarray, np.ndarray | None, np.ndarray]:
         """Inputs that act and those at the samples, where no effect changes them."""
-        if not self.held:
-            none = np.zeros((self.n_sub, 0, 1, self.record.n_samples))
-            return none, None, none[0]
-        return self.record.of_uncut(*stacked(self.held))
+        return self.record.acting(self.n_sub, self.record.order_of_inputs(self.plant.hold))
 
     def bind(self, theta: np.ndarray) -> BoundModel:
         """The model at parameter vectors ``theta`` (n_theta, n_columns)."""

@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from sksurrogate.kernels.signals import Signal, hold, stacked
+
 
 def bridged(y: np.ndarray, known: np.ndarray, starts: np.ndarray) -> np.ndarray:
     """Signals with what is not known joined linearly within a run, ends held; of a run without any the mean of the others.
@@ -199,6 +201,30 @@ class Record:
     def order_of_inputs(self, hold: str) -> int:
         """Between rows inputs are constant (0) or straight (1); ``hold``: what the simulator does with them."""
         return 0 if hold == "zoh" and not self.joined else 1
+
+    @cached_property
+    def _held(self) -> dict[tuple[int, int], list[Signal]]:
+        return {}
+
+    def held(self, n_sub: int, order: int) -> list[Signal]:
+        """Every input in ``n_sub`` parts of a sample, constant (0) or straight (1) between rows; made once for all models of a record."""
+        if (n_sub, order) not in self._held:
+            self._held[n_sub, order] = [hold(u, n_sub, order, self.starts) for u in self.u]
+        return self._held[n_sub, order]
+
+    @cached_property
+    def _acting(self) -> dict[tuple[int, int], tuple[np.ndarray, np.ndarray | None, np.ndarray]]:
+        return {}
+
+    def acting(self, n_sub: int, order: int) -> tuple[np.ndarray, np.ndarray | None, np.ndarray]:
+        """Inputs as they were recorded before the record was cut: what :func:`stacked` gives of them, made once too."""
+        if (n_sub, order) not in self._acting:
+            if len(self.u):
+                self._acting[n_sub, order] = self.of_uncut(*stacked(self.uncut.held(n_sub, order)))
+            else:
+                none = np.zeros((n_sub, 0, 1, self.n_samples))
+                self._acting[n_sub, order] = none, None, none[0]
+        return self._acting[n_sub, order]
 
     def back(self, k: int) -> np.ndarray:
         """Row k samples before each, or the first of its run."""
