@@ -147,15 +147,6 @@ def closing_weight(scale: np.ndarray, spread: np.ndarray, sd: np.ndarray, measur
     return weight
 
 
-def left_ahead(size: float, last: float) -> float:
-    """The sum of all further corrections, each of which shrinks as the last one of this ``size`` did beside the one before.
-
-    >>> left_ahead(0.1, 1.0).__round__(9), left_ahead(0.1, np.inf), left_ahead(1.0, 0.5)
-    (0.011111111, inf, inf)
-    """
-    return size * size / (last - size) if size < last < np.inf else np.inf
-
-
 def close(
     step: Stepper,
     x: np.ndarray,
@@ -175,7 +166,7 @@ def close(
     ``x`` (n_states, n_samples): start; its first rows of the runs are the initial states.
     ``starts`` int (n_runs,).
     ``scale`` (n_states,): size of each state; corrections are measured in it.
-    ``tolerance``: largest correction that is left, in units of ``scale``, at which the run counts as closed.
+    ``tolerance``: largest correction, in units of ``scale``, at which the run counts as closed.
     ``band``: band of the recursion from a linearisation near x.
     Returns ``x`` (n_states, n_samples), ``closed``, ``band``.
     """
@@ -195,7 +186,7 @@ def close(
         if not np.isfinite(size) or size > 1e6:
             return x, False, band
         x = x + correction
-        if size < tolerance or left_ahead(size, last) < tolerance:
+        if size < tolerance:
             return x, True, band
         if size > 0.4 * last:
             if fresh >= max_fresh:
