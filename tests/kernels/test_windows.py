@@ -151,4 +151,4 @@ def test_a_run_that_leaves_its_size_behind_is_closed_in_windows_too():
     exact = walked(growing, np.ones((1, 1)), np.array([0]), np.array([rows]))
     assert exact[0, -1] > 1e25
     np.testing.assert_allclose(found, exact, rtol=1e-9)
-    assert windowed < rows / 2
+    assert windowed < 0.75 * rows  # sample by sample it takes a call each, and those of the windows that fail
