@@ -11,6 +11,7 @@ from sksurrogate.gap import _law_stage
 from sksurrogate.gap._law_stage import LawStage
 from sksurrogate.gap.decide._held_out import HeldOut
 from sksurrogate.gap.decide._law_certificate import CertifiedLaw, takes_the_place
+from sksurrogate.gap.decide._posterior import Posterior
 from sksurrogate.gap.decide._rules import DecisionFeatures, first_rule
 from sksurrogate.gap.fit._evidence import Evidence
 from sksurrogate.gap.search import _set_search
@@ -97,8 +98,10 @@ def test_three_names_that_leave_a_law_are_withdrawn_and_of_fewer_one_law_may_tak
     places, left, share_left, rule, bases
 ):
     said, asked = [], []
-    names = [SimpleNamespace(name=f"effect_{i}", location=place, variable="v") for i, place in enumerate(places)]
+    named = [(f"effect_{i}", place, "v") for i, place in enumerate(places)]
+    names = [SimpleNamespace(name=key[0], location=key[1], variable=key[2], key=key) for key in named]
     stage = LawStage.__new__(LawStage)
+    stage.posterior = Posterior((), None)
     null, final = SimpleNamespace(effects=[]), SimpleNamespace(effects=names, left=left)
     stage.search = SimpleNamespace(standing=final, fitted_null=null, tolerance=0.1)
     stage.found = SimpleNamespace(held=object(), shrink=SimpleNamespace(measurable=True))
@@ -112,7 +115,8 @@ def test_three_names_that_leave_a_law_are_withdrawn_and_of_fewer_one_law_may_tak
     stage.look_for_a_law()
     assert first_rule(features).name == rule
     assert bool(said) is (rule == "imitations")
-    assert not said or "effect_0, effect_1, effect_2 passed" in said[0]
+    told = "Effect 0 at a, driven by v; effect 1 at a, driven by v; effect 2 at b, driven by v passed"
+    assert not said or told in said[0]
     assert asked == [null if base == "null" else final for base in bases]
 
 
