@@ -60,20 +60,20 @@ class LawStage(DiagnosisState[C]):
             self.measure()  # above the noise of the simulator with the law
             share = share_of_law(found.shrink)
             found.law = replace(found.law, share=share) if found.law.certified or share > 0.0 else None
-        if self.posterior.fell is not None and not self.final.effects:
-            found.nearer = self.closes_more_than_the_law(self.posterior.fell)
+        if rule.verdict == "unknown" and self.posterior.rejected is not None and not self.final.effects:
+            found.nearer = self.closes_more_than_the_law(self.posterior.rejected)
 
-    def closes_more_than_the_law(self, fell: Evidence[C]) -> tuple[Evidence[C], float] | None:
-        """An effect that fell to a law in its place, and the share of the gap (amplitude) that it closes on runs left out; None where
-        that is not clearly more than the law does that was found.
+    def closes_more_than_the_law(self, rejected: Evidence[C]) -> tuple[Evidence[C], float] | None:
+        """An effect that was rejected for a law in its place, and the share of the gap (amplitude) that it closes on runs left out; None
+        where that is not clearly more than the law does that was found.
 
         The law in its place was linear along the measured path, which knows more than a free run.
         """
         assert self.found.held is not None and self.found.shrink is not None
-        finals = names_by_fold(self.search, fell, [])
+        finals = names_by_fold(self.search, rejected, [])
         named = self.measured(held_out(finals, self.found.held))
         more = closes_clearly_more(named.fraction, self.found.shrink.fraction_law)
-        return (fell, named.fraction) if more and certified(named, lambda: False) else None
+        return (rejected, named.fraction) if more and certified(named, lambda: False) else None
 
     def did_not_stand(self, law: Law) -> bool:
         """Whether a law is an effect of the catalogue that was asked and is not named: a constant."""

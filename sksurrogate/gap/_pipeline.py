@@ -308,9 +308,11 @@ class DiagnosisPipeline(LawStage[C]):
         """Which effect is the most like the law that has no name, or closes more than it."""
         law = self.found.law
         if self.found.nearer is not None:
-            fell, closed = self.found.nearer
+            rejected, closed = self.found.nearer
             by_law = self.found.shrink.fraction_law if self.found.shrink is not None else float("nan")
-            return [_notes.nearer(fell.effects[0], list(map(float, fell.candidate.theta_of(0))), closed, by_law)]
+            return [
+                _notes.nearer(rejected.effects[0], list(map(float, rejected.candidate.theta_of(0))), closed, by_law)
+            ]
         one = None if law is None or self.final.effects else nearest_name(self.search, law)
         if one is None:
             return []

@@ -1,4 +1,4 @@
-"""An effect that fell to a law in its place is told where it closes clearly more on runs left out than the law that is found."""
+"""An effect that was rejected for a law in its place is told where it closes clearly more on runs left out than the law that is found."""
 
 import numpy as np
 import pytest
@@ -14,12 +14,12 @@ def carriage(t, x, u, p):
 
 
 @pytest.fixture
-def every_name_falls(monkeypatch):
+def every_name_is_rejected(monkeypatch):
     """As where a law, linear along the measured path, is likelier than the effect."""
 
     def weigh(self, final):
         self.search.final = self.search.fitted_null
-        return Posterior((), None, fell=final)
+        return Posterior((), None, rejected=final)
 
     monkeypatch.setattr(OdeAccess, "weigh", weigh)
 
@@ -43,7 +43,7 @@ def diagnosed(effect, value):
     )
 
 
-def test_where_no_law_of_the_signals_does_as_much(every_name_falls):
+def test_where_no_law_of_the_signals_does_as_much(every_name_is_rejected):
     """The limited speed of an actuator is no function of its command."""
     report = diagnosed(CATALOGUE["rate_limit"]("force"), {"limit": 6.0})
     assert report.verdict == "unknown"
@@ -53,7 +53,7 @@ def test_where_no_law_of_the_signals_does_as_much(every_name_falls):
     assert float(note.split("closes ")[1].split(" %")[0]) > 90.0
 
 
-def test_not_where_the_law_closes_as_much(every_name_falls):
+def test_not_where_the_law_closes_as_much(every_name_is_rejected):
     """A cubic spring is a function of the position, and a formula says it."""
     report = diagnosed(CATALOGUE["cubic_stiffness"]("speed", "position"), {"coefficient": 3.0})
     assert report.verdict == "unknown"

@@ -117,9 +117,8 @@ def ranking(search: BaseSearch[C], final: Evidence[C]) -> Table:
     """One row a candidate, the most evident first; nan where it was not fitted, no rows before the null is."""
     if search.null is None:
         return Table()
-    fitted = {
-        candidate.keys[0]: candidate for candidate in sorted(search.first_round, key=search.gain)
-    }  # the likeliest of its forms
+    by_gain = sorted(search.first_round, key=search.gain)  # of several forms of one effect the likeliest stays
+    fitted = {candidate.keys[0]: candidate for candidate in by_gain}
     if len(final.effects) == 1:  # it may begin within the runs, which no single effect of the first round does
         fitted.setdefault(final.effects[0].key, final.candidate)
     expected, rows = search.expected(), []

@@ -49,6 +49,5 @@ class PartialResults:
     values: WithIntervals | None = None
     beside: CertifiedLaw | None = None  #: The law on top of what stands
     law: Law | None = None  #: The same as a result
-    nearer: tuple[Evidence, float] | None = (
-        None  #: An effect without a name that closes more than the law, and the share of that
-    )
+    #: A rejected effect that closes more of the gap (amplitude) on runs left out than the law, and how much
+    nearer: tuple[Evidence, float] | None = None

@@ -51,7 +51,7 @@ class Posterior:
     #: Names of a set that leaves too much of the gap to be weighed
     too_far: tuple[str, ...] = ()
     elsewhere: tuple[tuple[frozenset, float], ...] = ()  #: Keys of other sets, and nats by which they are likelier
-    fell: Evidence | None = None  #: The effect that fell last where none stands: a law in its place is as likely
+    rejected: Evidence | None = None  #: The last effect, where none stands: a law in its place is as likely
 
 
 def weigh(search: OdeSearch, final: Evidence) -> Posterior:
@@ -138,7 +138,7 @@ def _likeliest(search: OdeSearch, final: Evidence, fallen: set[frozenset]) -> tu
             fewer = search.without(final.candidate, least if redundant is None else redundant)
             if fewer is None or not fewer.effects:
                 search.final = search.fitted_null
-                return search.fitted_null, Posterior((), None, fell=final)
+                return search.fitted_null, Posterior((), None, rejected=final)
             final = taken(search, fewer, final)
     search.final = search.fitted_null
     return search.fitted_null, Posterior((), None, too_far=tuple(map(name_of, final.effects)))

@@ -95,7 +95,8 @@ def confidence(probability: float) -> str:
     if np.isnan(probability):
         return "probability not known yet"
     word = next(text for least, text in WORDS if probability >= least)
-    return f"{word} (probability {probability:.2f})" if probability >= 0.005 else f"{word} (probability below 0.01)"
+    rounded = f"{probability:.2f}"
+    return f"{word} (probability {'below 0.01' if rounded == '0.00' else rounded})"
 
 
 def capitalised(text: str) -> str:
