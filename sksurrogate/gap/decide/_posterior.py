@@ -101,9 +101,9 @@ def let_stand(search: OdeSearch, final: Evidence) -> tuple[Evidence, Posterior]:
 def _likeliest(search: OdeSearch, final: Evidence, fallen: set[frozenset]) -> tuple[Evidence, Posterior]:
     """What stands of a set, or in its place, and its posterior; keys of sets that do not stand are added to ``fallen``.
 
-    Effects in whose place a law does as well are taken out, the least probable first, and those that only correct the form of
-    another; another effect takes the place of one where that is likelier. Names that leave most of the gap in the data that they
-    were fitted to close no more of it on runs left out: they are not weighed.
+    Effects in whose place a law does as well are taken out, the least probable first; another effect takes the place of one where
+    that is likelier; then those that only correct the form of another are taken out. Names that leave most of the gap in the data that
+    they were fitted to close no more of it on runs left out: they are not weighed.
     """
     final = needed_only(search, final)
     stood: dict[frozenset, tuple[Evidence, Posterior]] = {}
@@ -112,25 +112,24 @@ def _likeliest(search: OdeSearch, final: Evidence, fallen: set[frozenset]) -> tu
         return final, Posterior((1.0,) * len(final.effects), law)
     while final.effects and not leaves_most(final, search.gap_cost):
         posterior = weigh(search, final)
-        least = int(np.argmin(posterior.probabilities))
-        several, enough = len(final.effects) > 1, posterior.probabilities[least] >= CERTAIN_NAME
-        redundant = redundant_effect(final) if several and enough and final.left > SETTLED else None
-        if redundant is None and (enough or (not several and posterior.probabilities[least] >= LEAST_ALONE)):
+        least, redundant = int(np.argmin(posterior.probabilities)), None
+        several, keys = len(final.effects) > 1, frozenset(final.candidate.keys)
+        if posterior.probabilities[least] >= (CERTAIN_NAME if several else LEAST_ALONE):
             if posterior.law is None:
                 return final, posterior
             own, others = contenders(search, final, posterior.law, fallen)
-            near = [one for one in others if one.net > own.net - NATS_THAT_SETTLE]
-            apart = tuple(elsewhere(search, final, own))
-            stood[frozenset(final.candidate.keys)] = final, replace(_of_classes(posterior, own, near), elsewhere=apart)
-            best = preferred(own, [one for one in others if frozenset(one.candidate.keys) not in stood])
+            redundant = redundant_effect(final) if several and final.left > SETTLED else None
+            if redundant is None:
+                stood[keys] = final, _beside_others(search, final, posterior, own, others)
+            else:  # it does not stand; what does most of the same may
+                fallen.add(keys)
+            best = _best(search, final, own, [one for one in others if frozenset(one.candidate.keys) not in stood])
             if best is not own:
-                polished = simplify(search, search.polish(best.candidate))
-                best = preferred(own, judged_contender(search, final, polished, [own.law.name]))
-            if best is own:
-                return _sure_part(search, *stood[frozenset(final.candidate.keys)])
-            final = search.judged[search.stand(best.candidate)]
-            continue
-        fallen.add(frozenset(final.candidate.keys))
+                final = search.judged[search.stand(best.candidate)]
+                continue
+            if redundant is None:
+                return _sure_part(search, *stood[keys])
+        fallen.add(keys)
         if stood:  # what seemed likelier than a set that stood does not stand itself
             final = stood.popitem()[1][0]
             search.stand(final.candidate)
@@ -142,6 +141,23 @@ def _likeliest(search: OdeSearch, final: Evidence, fallen: set[frozenset]) -> tu
             final = taken(search, fewer, final)
     search.final = search.fitted_null
     return search.fitted_null, Posterior((), None, too_far=tuple(map(name_of, final.effects)))
+
+
+def _best(search: OdeSearch, final: Evidence, own: Contender, others: Sequence[Contender]) -> Contender:
+    """What stands, or another set that is preferred to it and still is when it is polished."""
+    best = preferred(own, others)
+    if best is own:
+        return own
+    polished = simplify(search, search.polish(best.candidate))
+    return preferred(own, judged_contender(search, final, polished, [own.law.name]))
+
+
+def _beside_others(
+    search: OdeSearch, final: Evidence, posterior: Posterior, own: Contender, others: Sequence[Contender]
+) -> Posterior:
+    """A posterior with the sets that are as likely, and with those elsewhere."""
+    near = [one for one in others if one.net > own.net - NATS_THAT_SETTLE]
+    return replace(_of_classes(posterior, own, near), elsewhere=tuple(elsewhere(search, final, own)))
 
 
 def _sure_part(search: OdeSearch, final: Evidence, posterior: Posterior) -> tuple[Evidence, Posterior]:
