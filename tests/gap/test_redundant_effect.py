@@ -15,17 +15,21 @@ def a_set(*names, cost):
     return SimpleNamespace(keys=names, effects=names, fit=SimpleNamespace(cost=cost))
 
 
-@pytest.mark.parametrize(("lag_is", "stands"), [(5.0, ("grid", "lag")), (-50.0, ("grid",))])
-def test_what_does_most_of_the_same_takes_its_place(monkeypatch, lag_is, stands):
-    """A heater's step on a sensor's grid: a mode from any start does what the lag does, and its interval holds 0."""
-    mode, lag, grid = a_set("grid", "mode", cost=14.3), a_set("grid", "lag", cost=17.9), a_set("grid", cost=432.0)
+@pytest.mark.parametrize(
+    ("lag_is", "without", "stands"), [(5.0, 432.0, ("grid", "lag")), (-50.0, 432.0, ("grid",)), (5.0, 50.0, ("grid",))]
+)
+def test_what_does_most_of_the_same_takes_its_place(monkeypatch, lag_is, without, stands):
+    """A heater's step on a sensor's grid: a mode from any start does what the lag does, and its interval holds 0.
+
+    What only corrects a form is taken out."""
+    mode, lag, grid = a_set("grid", "mode", cost=14.3), a_set("grid", "lag", cost=17.9), a_set("grid", cost=without)
     nets = {id(mode): 0.0, id(lag): lag_is, id(grid): -700.0}
     known = {id(one): Contender(nets[id(one)], -5.0, one, LAW) for one in (mode, lag, grid)}
     evidence = {
         id(one): SimpleNamespace(candidate=one, effects=one.effects, left=3.4, fit=one.fit) for one in (mode, lag, grid)
     }
     search = SimpleNamespace(
-        stood={}, tolerated_cost=500.0, gap_cost=1e4, judged=evidence, stand=id, polish=lambda one: one, without=lambda one, i: grid
+        stood={}, tolerated_cost=100.0, gap_cost=1e4, judged=evidence, stand=id, polish=lambda one: one, without=lambda one, i: grid
     )  # fmt: skip
     patched = {
         "needed_only": lambda search, final: final,

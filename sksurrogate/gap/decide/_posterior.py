@@ -19,7 +19,7 @@ from sksurrogate.gap.decide._contenders import (
     law_along,
     preferred,
 )
-from sksurrogate.gap.decide._needed import needed_only, taken
+from sksurrogate.gap.decide._needed import is_needed, needed_only, taken
 from sksurrogate.gap.decide._one_curve import form_holds, redundant_effect
 from sksurrogate.gap.fit._closeness import SETTLED
 from sksurrogate.gap.fit._evidence import CERTAIN, Evidence
@@ -101,8 +101,8 @@ def let_stand(search: OdeSearch, final: Evidence) -> tuple[Evidence, Posterior]:
 def _likeliest(search: OdeSearch, final: Evidence, fallen: set[frozenset]) -> tuple[Evidence, Posterior]:
     """What stands of a set, or in its place, and its posterior; keys of sets that do not stand are added to ``fallen``.
 
-    Effects in whose place a law does as well are taken out, the least probable first; another effect takes the place of one where
-    that is likelier; then those that only correct the form of another are taken out. Names that leave most of the gap in the data that
+    Effects in whose place a law does as well are taken out, the least probable first, and those that only correct the form of
+    another; another effect takes the place of one where that is likelier, or of one that is needed and has no magnitude in these data. Names that leave most of the gap in the data that
     they were fitted to close no more of it on runs left out: they are not weighed.
     """
     final = needed_only(search, final)
@@ -112,16 +112,17 @@ def _likeliest(search: OdeSearch, final: Evidence, fallen: set[frozenset]) -> tu
         return final, Posterior((1.0,) * len(final.effects), law)
     while final.effects and not leaves_most(final, search.gap_cost):
         posterior = weigh(search, final)
-        least, redundant = int(np.argmin(posterior.probabilities)), None
+        least = int(np.argmin(posterior.probabilities))
         several, keys = len(final.effects) > 1, frozenset(final.candidate.keys)
-        if posterior.probabilities[least] >= (CERTAIN_NAME if several else LEAST_ALONE):
+        enough = posterior.probabilities[least] >= (CERTAIN_NAME if several else LEAST_ALONE)
+        redundant = redundant_effect(final) if several and enough and final.left > SETTLED else None
+        if enough and (redundant is None or _closes_much(search, final, redundant)):
             if posterior.law is None:
                 return final, posterior
             own, others = contenders(search, final, posterior.law, fallen)
-            redundant = redundant_effect(final) if several and final.left > SETTLED else None
             if redundant is None:
                 stood[keys] = final, _beside_others(search, final, posterior, own, others)
-            else:  # it does not stand; what does most of the same may
+            else:  # it does not stand; what does as much may
                 fallen.add(keys)
             best = _best(search, final, own, [one for one in others if frozenset(one.candidate.keys) not in stood])
             if best is not own:
@@ -141,6 +142,12 @@ def _likeliest(search: OdeSearch, final: Evidence, fallen: set[frozenset]) -> tu
             final = taken(search, fewer, final)
     search.final = search.fitted_null
     return search.fitted_null, Posterior((), None, too_far=tuple(map(name_of, final.effects)))
+
+
+def _closes_much(search: OdeSearch, final: Evidence, i: int) -> bool:
+    """Whether a set needs effect i, or one that does as much: a correction of a form closes less."""
+    fewer = search.without(final.candidate, i)
+    return fewer is not None and is_needed(final.fit.cost, fewer.fit.cost, search.tolerated_cost)
 
 
 def _best(search: OdeSearch, final: Evidence, own: Contender, others: Sequence[Contender]) -> Contender:
