@@ -128,8 +128,11 @@ class DiagnosisPipeline(LawStage[C]):
         if unit.share > 1.0 - MOST_UNEXPLAINED:
             return
         try:
-            self.search.run()
-            self.search.look_for_onsets()
+            self.search.look_for_one()
+            self.access.ask_for_the_law_of_the_gap()
+            with self.search.among_signals(self.access.law_of_the_gap):
+                self.search.look_for_more()
+                self.search.look_for_onsets()
         except KeyboardInterrupt:
             self.search.keep_best()
             raise
@@ -144,7 +147,9 @@ class DiagnosisPipeline(LawStage[C]):
         if self.access.other_unit.sentence:
             return
         if self.book is not None and time.perf_counter() - self.started_at < SOON * (self.time_limit or np.inf):
-            self.book = self.book.with_next_fault(self.search, self.rows, self.access.law_left)
+            self.book = self.book.with_next_fault(
+                self.search, self.rows, self.access.law_left, self.access.law_of_the_gap
+            )
 
     def weigh_names(self) -> None:
         """Whether a law without a name does as well as what was named."""

@@ -47,6 +47,7 @@ class BaseAccess(ABC, Generic[C]):
     _channels: Channels[C] | None = None
     scale: np.ndarray | None = None  #: (n_states,): size of the states
     beside: LawLeft | None = None  #: The likeliest law without a name beside what stands, where one was looked for
+    law_of_the_gap: LawLeft | None = None  #: The law that explains the gap alone, and better than any one effect
     places: list[Place] | None = None  #: Of the gap, the most likely first; None before what is left was looked at
     other_unit: OtherWriting = NOTHING_HELPS  #: Of the record, in which the simulator alone explains it
 
@@ -71,6 +72,9 @@ class BaseAccess(ABC, Generic[C]):
     def ask_for_places(self, final: Evidence[C]) -> PendingAnswer[list[Place]] | None:
         """The places of the gap, worked out while other questions are asked; None where they are not asked early."""
         return None
+
+    def ask_for_the_law_of_the_gap(self) -> None:
+        """Whether one law explains the gap, and better than any one effect: then names have its signals."""
 
     @abstractmethod
     def weigh(self, final: Evidence[C]) -> Posterior:

@@ -15,6 +15,7 @@ from sksurrogate.effects._catalogue import name_of
 from sksurrogate.effects._families import BalanceEffect, HiddenEffect
 from sksurrogate.gap.decide._access import BaseAccess
 from sksurrogate.gap.decide._contenders import in_more_names
+from sksurrogate.gap.decide._gap_of_one_law import law_of_the_gap
 from sksurrogate.gap.decide._generic_correction import Correction, generic_correction, known_runs
 from sksurrogate.gap.decide._posterior import Posterior, law_left_beside, let_stand
 from sksurrogate.gap.decide._retuning import imitated_by_retuning
@@ -141,6 +142,9 @@ class OdeAccess(BaseAccess[OdeCandidate]):
         """Beside the runs of the simulator that are known."""
         problem = self.search.problem
         return generic_correction(problem.plant.simulator, correction, known_runs(problem))
+
+    def ask_for_the_law_of_the_gap(self) -> None:
+        self.law_of_the_gap = law_of_the_gap(self.search)
 
     def weigh(self, final: Evidence[OdeCandidate]) -> Posterior:
         """What stands beside a law without a name, and how probable each of its effects is against one in its place."""

@@ -62,7 +62,7 @@ class _Retimed:
         return self.model.n_parameters + 1
 
 
-def input_timing(search: BaseSearch[Any], n_runs: int) -> BaseFault | None:
+def input_timing(search: BaseSearch[Any], n_runs: int, left_by_law: float = np.inf) -> BaseFault | None:
     """Another timing of the inputs with which effects are to be looked for again, after some were named; None where there is none.
 
     It is tried beside no effect, beside what was named, and beside one effect in the place of names that are several or leave more than
@@ -71,6 +71,7 @@ def input_timing(search: BaseSearch[Any], n_runs: int) -> BaseFault | None:
     Where no input moves within a run the timing is another initial state, and nothing is asked.
 
     ``n_runs``: of the whole record.
+    ``left_by_law``: RMS over the noise that one law leaves of the gap: a timing counts where it leaves nearly as little.
     """
     null, named = search.fitted_null.candidate, search.standing
     record = null.problem.record
@@ -85,7 +86,7 @@ def input_timing(search: BaseSearch[Any], n_runs: int) -> BaseFault | None:
         for one in _retimed(model, search, n_runs, can_join)
         if one.gain > (0.0 if one.n_parameters < n else 0.5 * CERTAIN)
     ]
-    nearest = min((_size(one.model) for one in likelier), default=np.inf)
+    nearest = min([left_by_law**2, *(_size(one.model) for one in likelier)])
     near = [one for one in likelier if _size(one.model) <= SETTLED**2 * nearest]
     best = min(near, key=lambda one: (one.n_parameters, -one.gain), default=None)
     return None if best is None else best.timing

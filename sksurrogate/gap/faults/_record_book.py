@@ -78,13 +78,18 @@ class RecordBook:
         return replace(self, faults=tuple(known.values()), earlier=self, left=left, score=score)
 
     def with_next_fault(
-        self, search: BaseSearch[Any], rows: np.ndarray, law_left: Callable[[Any], LawLeft | None]
+        self,
+        search: BaseSearch[Any],
+        rows: np.ndarray,
+        law_left: Callable[[Any], LawLeft | None],
+        of_the_gap: LawLeft | None = None,
     ) -> RecordBook:
         """With the likeliest fault on top of what was named, or of nothing; itself where none is the reason of what is left.
 
         ``search``: after it has named effects.
         ``rows``: rows of the record that it saw.
         ``law_left``: the likeliest law beside what was named: a fault must gain more.
+        ``of_the_gap``: the law that explains the gap alone, where one does: another timing of the inputs must leave as little.
         """
         final = search.standing
         if self.earlier is not None and (final.left > self.left or search.score(final.candidate) < self.score):
@@ -92,7 +97,7 @@ class RecordBook:
         if self.closed or self.depth >= MOST_ROUNDS:
             return self
         if final.effects or final.left > AT_THE_NOISE:
-            timing = input_timing(search, len(self.raw.starts))
+            timing = input_timing(search, len(self.raw.starts), np.inf if of_the_gap is None else of_the_gap.left)
             if isinstance(timing, JoinedInputs):  # their noise is another one, in whose units the names may leave more
                 return self.with_fault(timing, np.inf, search.score(final.candidate))
             if timing is not None:

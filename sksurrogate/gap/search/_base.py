@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import partial
 from typing import Any, Generic
@@ -77,6 +78,8 @@ class BaseSearch(ABC, Generic[C]):
     richer: dict[Any, list] = field(default_factory=dict)
     #: What a simulator raised, by its text: these candidates are lost
     lost: dict[str, None] = field(default_factory=dict)
+    #: Signals of the law that explains the gap alone, where one does: then sets are made of what these signals drive
+    of_signals: frozenset[str] | None = None
     #: Effects that had no fit beside some set, by their keys
     unfitted: dict[Any, BaseEffect] = field(default_factory=dict)
 
@@ -85,8 +88,26 @@ class BaseSearch(ABC, Generic[C]):
         """No effect: initial states and free parameters only."""
 
     @abstractmethod
+    def look_for_one(self) -> None:
+        """The null and single effects."""
+
+    @abstractmethod
+    def look_for_more(self) -> Evidence[C]:
+        """Further effects; returns what stands, the null where nothing passes."""
+
+    @contextmanager
+    def among_signals(self, law: Any) -> Iterator[None]:
+        """Sets are made of what the ``signals`` of a law drive, where one is given."""
+        self.of_signals = None if law is None else law.signals
+        try:
+            yield
+        finally:
+            self.of_signals = None
+
     def run(self) -> Evidence[C]:
-        """The whole search; returns what stands, the null where nothing passes."""
+        """The whole search."""
+        self.look_for_one()
+        return self.look_for_more()
 
     @abstractmethod
     def with_effect(self, base: C, effect: BaseEffect, values: np.ndarray, path: np.ndarray | None) -> C | None:

@@ -25,6 +25,7 @@ from sksurrogate.gap.screen._screen import Screen, Start, screen
 from sksurrogate.gap.screen._twins import Twin
 from sksurrogate.gap.search._base import Wanted
 from sksurrogate.gap.search._fit_from_starts import best_starts, cheapest, fit_added, fit_pair
+from sksurrogate.gap.search._nested import may_be_of
 from sksurrogate.gap.search._set_search import AS_NEAR, SetSearch
 from sksurrogate.gap.search._soft_limits import soft_where_nearer
 from sksurrogate.kernels.clock import check_time, limited
@@ -80,7 +81,8 @@ class Expander(SetSearch[OdeCandidate]):
 
     def expand(self, base: OdeCandidate, wanted: Wanted) -> list[OdeCandidate]:
         base, found = self.base_and_screen(base, wanted.among)
-        starts = [one for one in found.starts if one.promises > 0.0 and (one.evident or self.earns(one, wanted.least))]
+        able = [one for one in found.starts if wanted.among is not None or self.may_be_beside(one.effect)]
+        starts = [one for one in able if one.promises > 0.0 and (one.evident or self.earns(one, wanted.least))]
         chosen = best_starts(starts, wanted.by_white, wanted.by_forced, self.n_values)
         self.report(f"fitting {len(chosen)} candidates")
         wanted_keys, tried = [c[0].effect.key for c in chosen], self.tried.setdefault(found, {})
@@ -92,6 +94,10 @@ class Expander(SetSearch[OdeCandidate]):
         candidates = [*again.values(), *new]
         self.remember(candidates)
         return candidates + self.siblings(candidates, base) if wanted.siblings and candidates else candidates
+
+    def may_be_beside(self, effect: BaseEffect) -> bool:
+        """Whether sets are made of an effect: of all, unless one law explains the gap."""
+        return self.of_signals is None or may_be_of(effect, self.of_signals)
 
     def earns(self, start: Start, least: float) -> bool:
         """Whether the screen expects so much of a start, and of a step of quantisation its price in addition."""
@@ -152,7 +158,7 @@ class Expander(SetSearch[OdeCandidate]):
         effect, theta = nearest.effects[-1], nearest.theta_of(len(nearest.effects) - 1)
         have = {*base.keys, *(candidate.effects[-1].key for candidate in candidates)}
         alike = (e for e in self.library if e.name == effect.name and len(e.parameters) == len(theta))  # or in a window
-        others = [e for e in alike if e.key not in have]
+        others = [e for e in alike if e.key not in have and self.may_be_beside(e)]
         if len(theta) < 2 or not others:
             return []
         again = self.known(self.as_searched(base), others)
@@ -196,7 +202,8 @@ class Expander(SetSearch[OdeCandidate]):
         else:
             base, found = self.as_searched(base), best_pairs(self.first_screen, MOST_PAIRS)
         x, known = self.guess(base), frozenset(base.keys)
-        new = [pair for pair in found if known.union(one.key for one in pair.effects) not in self.fitted]
+        able = [pair for pair in found if all(map(self.may_be_beside, pair.effects))]
+        new = [pair for pair in able if known.union(one.key for one in pair.effects) not in self.fitted]
         messages = side_by_side(
             lambda pair: to_message(base.problem, partial(fit_pair, base, pair, x, best)), new, self.second
         )

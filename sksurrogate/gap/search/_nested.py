@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 from sksurrogate.effects._base_effect import BaseEffect
 from sksurrogate.effects._families import BalanceEffect, HiddenEffect, LimitEffect, SensorEffect
-from sksurrogate.effects._input import InputQuantization, RememberingActuator
-from sksurrogate.effects._sensor import SensorQuantization
+from sksurrogate.effects._input import InputBias, InputQuantization, RememberingActuator
+from sksurrogate.effects._sensor import SensorBias, SensorQuantization
 
 #: Effects that round: steps are what no other form leaves.
 QUANTIZERS = InputQuantization, SensorQuantization
@@ -67,6 +69,18 @@ def drivers(effect: BaseEffect) -> frozenset[str]:
         return frozenset(effect.variable.split("*"))
     timed = any(parameter.name in CLOCKS for parameter in effect.parameters)
     return frozenset() if timed or effect.kind not in ("input", "output") else frozenset([str(effect.location)])
+
+
+def may_be_of(effect: BaseEffect, signals: Collection[str]) -> bool:
+    """Whether an effect may be a part of a law of some signals: nothing else drives it, and no clock does. A constant may be a part of any.
+
+    >>> from sksurrogate.effects import CATALOGUE
+    >>> friction, step, bias = CATALOGUE["coulomb_friction"]("v", "v"), CATALOGUE["step_disturbance"]("v"), CATALOGUE["input_bias"]("u")
+    >>> may_be_of(friction, {"v"}), may_be_of(friction, {"u"}), may_be_of(step, {"v"}), may_be_of(bias, {"v"})
+    (True, False, False, True)
+    """
+    timed = any(parameter.name in CLOCKS for parameter in effect.parameters)
+    return not timed and (isinstance(effect, (InputBias, SensorBias)) or drivers(effect) <= set(signals))
 
 
 def driven_alike(one: BaseEffect, other: BaseEffect) -> bool:

@@ -84,12 +84,12 @@ class OdeSearch(Expander):
         self.null = self.final = self.judge(follow_null(nearest, problem.first_noise(), second=self.second))
         return self.null
 
-    def run(self) -> Evidence:
-        """The whole search; it goes on with the effects left for later that are expected to close most of what the named ones leave.
+    def look_for_more(self) -> Evidence:
+        """Further effects; then the effects left for later that are expected to close most of what the named ones leave.
 
         Names meet those that do what some of them do; where simulations are dear, only several names.
         """
-        found = super().run()
+        found = super().look_for_more()
         if found.effects and not (self.frugal and len(found.effects) == 1):
             found = met_twins(self, found)
         if not self.later_asked or not found.effects:

@@ -195,12 +195,12 @@ def always_there(search: Expander, candidate: OdeCandidate) -> OdeCandidate:
 def look_for_onsets(search: Expander) -> None:
     """Where what stands leaves something, or takes several names: the best effects in windows of time in its place.
 
-    One effect that is always there and leaves the noise is not asked: no window could earn its price. Nor are windows that would leave
-    most of what the simulator alone leaves and hardly less than what stands.
+    One effect that is always there and leaves the noise is not asked, nor where one law explains the gap that is always there: no window
+    could earn its price. Nor are windows that would leave most of what the simulator alone leaves and hardly less than what stands.
     """
     null, final = search.fitted_null, search.standing
     explained = final.left < AT_THE_NOISE
-    if null.left < AT_THE_NOISE or (explained and len(final.effects) == 1):
+    if null.left < AT_THE_NOISE or (explained and len(final.effects) == 1) or search.of_signals is not None:
         return
     # edges lie apart here, and the screen is linear: up to half of what the null leaves (power) may be theirs
     most = max(in_vain_from(final.candidate, null.candidate), HALF_THE_POWER**2 * null.fit.cost)

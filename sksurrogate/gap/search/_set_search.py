@@ -51,15 +51,21 @@ class SetSearch(SetMoves[C]):
     """Forward and backward search over sets of effects."""
 
     runners: list[C] = field(default_factory=list, kw_only=True)  #: The next best of the last round
+    leading: tuple[C, bool] | None = field(default=None, kw_only=True)  #: The best single effect, and whether it passes
 
-    def run(self) -> Evidence:
+    def look_for_one(self) -> None:
+        """The null and single effects."""
         null = (self.null or self.fit_null()).candidate
         self.first_round = self.ranked(self.singles(null), null)
-        if not self.first_round:
+        self.leading = self.first_name(null) if self.first_round else None
+
+    def look_for_more(self) -> Evidence:
+        """Effects beside the best single one; returns what stands."""
+        if self.leading is None:
             return self.fitted_null
-        best, passed = self.first_name(null)
+        best, passed = self.leading
         if passed or self.fitted_null.left >= FAR:
-            self.grow(best, passed, null)
+            self.grow(best, passed, self.fitted_null.candidate)
             stood = self.standing.candidate
             self.stand(simplify(self, stood, far=True) if self.is_far(stood) else stood)
         return self.standing
@@ -91,7 +97,9 @@ class SetSearch(SetMoves[C]):
                 best = self.stand(leading or fewest)
                 if leading is None:
                     break
-            if self.is_far(best) and not self.may_be_named(best):
+            # Several parts of one function are an expansion of it, unless the next leads to the noise.
+            expands = self.of_signals is not None and len(best.effects) > 1 and not self.leads_on(best, 1)
+            if expands or (self.is_far(best) and not self.may_be_named(best)):
                 break
             better = (self.richer_form(best) if passed else None) or self.one_more(best, passed)
             left_behind[frozenset(best.keys)] = best.fit.cost

@@ -60,14 +60,15 @@ class TrajectorySearch(SetSearch[TrajectoryCandidate]):
         self.report("how far the simulator is from the data: the null is fitted")
         return self.null
 
-    def run(self) -> Evidence[TrajectoryCandidate]:
-        """The whole search; once more, initial states free, where the runs begin elsewhere than the simulator."""
-        super().run()
+    def look_for_more(self) -> Evidence[TrajectoryCandidate]:
+        """Further effects; all once more, initial states free, where the runs begin elsewhere than the simulator."""
+        super().look_for_more()
         if self.begins_elsewhere():
             self.report("the runs start elsewhere than the simulator: their initial states are fitted as transients")
             self.fitted.clear()
             self.fit_null()
-            super().run()
+            self.look_for_one()
+            super().look_for_more()
         return self.standing
 
     def begins_elsewhere(self) -> bool:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from sksurrogate.gap.unnamed._law_shapes import AND_ITS_PAST
+
 
 @dataclass(frozen=True)
 class LawLeft:
@@ -20,3 +22,12 @@ class LawLeft:
     deviation: float = 0.0
     probability: float = 0.0  #: That the law is larger than the tolerance
     left: float = 1.0  #: RMS over the noise that names and law leave of the data, to first order
+
+    @property
+    def signals(self) -> frozenset[str]:
+        """Signals of the law, now or before.
+
+        >>> sorted(LawLeft("level", "state", "level*pump").signals), LawLeft("level", "state", "level and its past").signals
+        (['level', 'pump'], frozenset({'level'}))
+        """
+        return frozenset(self.variable.removesuffix(AND_ITS_PAST).split("*"))
