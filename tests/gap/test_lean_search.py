@@ -76,13 +76,15 @@ def searched(simulator, X, y, groups, first=False, n_jobs=1):
     kept = []
 
     class Watched(OdeSearch):
-        def run(self):
+        def look_for_one(self):
             kept.append(self)
-            self.fit_null()
-            if first:
-                self.base_and_screen(self.null.candidate)
-            else:
-                super().run()
+            if not first:
+                return super().look_for_one()
+            self.base_and_screen(self.fitted_null.candidate)
+            raise KeyboardInterrupt
+
+        def look_for_more(self):
+            super().look_for_more()
             raise KeyboardInterrupt
 
     with pytest.MonkeyPatch.context() as patch, pytest.warns(UserWarning, match="interrupted"):

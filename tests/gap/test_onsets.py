@@ -132,6 +132,7 @@ def test_effects_in_a_window_lend_their_shape_to_such_effects_alone():
     )
     search = SimpleNamespace(
         library=[plain, other],
+        may_be_beside=lambda effect: True,
         known=lambda *given: [],
         as_searched=lambda base: base,
         shaped=lambda base, effects, shape, best: [(effect, shape) for effect in effects],

@@ -179,6 +179,7 @@ def test_a_set_grows_on_from_the_form_that_leads_to_the_noise(leads, grown):
         may_be_named=lambda one: True,
         richer_form=lambda one: None,
         stand=lambda one: stood.append(one.name) or one,
+        of_signals=None,
         one_more=lambda one, passed: asked.append(one.name),
     )
     _set_search.SetSearch.grow(search, rich, True, None)
@@ -206,6 +207,7 @@ def test_a_search_gives_up_where_a_further_name_takes_little_not_where_a_richer_
         richer_form=lambda one: None,
         stand=lambda one: one,
         tolerated_cost=10.0,
+        of_signals=None,
         one_more=lambda one, passed: asked.append(one) or (larger if one is before else None),
     )
     monkeypatch.setattr(_set_search, "closes_by_size", lambda *given: False)
