@@ -29,7 +29,7 @@ def recorded(missing):
     rng = np.random.default_rng(5)
     U = [np.repeat(rng.uniform(-4, 4, ROWS // 10), 10)[:, None] for _ in range(RUNS)]
     Y = [mass(missing).simulate(u) for u in U]
-    return U, [y + 0.002 * rng.normal(size=y.shape) for y in Y]
+    return U, [y + 0.02 * rng.normal(size=y.shape) for y in Y]
 
 
 def bump(x, v):

@@ -10,8 +10,8 @@ from sksurrogate.gap.unnamed._law_left import LawLeft
 
 
 def law_of_the_gap(search: OdeSearch) -> LawLeft | None:
-    """The law that explains the gap up to white noise or to the tolerance, where it is likelier than the best single effect, which leaves
-    more than the noise; None where none does, or one of time.
+    """The law that explains the gap up to white noise, where it is likelier than the best single effect, which leaves more; None where none
+    does, or one of time.
 
     What is missing is one function then, at one place: names of other functions would only imitate it. Names whose sum it is are driven
     by its signals.
@@ -20,7 +20,6 @@ def law_of_the_gap(search: OdeSearch) -> LawLeft | None:
         return None
     null, best = search.fitted_null, search.leading[0]
     law = judged_law(search, null, null.candidate, along=True)
-    most = max(NEARLY_WHITE, search.tolerance * search.gap_over_noise)
-    if law is None or law.left.variable == "time" or law.left.left > most:
+    if law is None or law.left.variable == "time" or law.left.left > NEARLY_WHITE:
         return None
     return law.left if 2.0 * (law.total - search.score(best)) > CERTAIN else None
