@@ -10,13 +10,13 @@ from sksurrogate.physics import ODESimulator
 
 def searched(monkeypatch, simulator, X, y, **options):
     """The search of a diagnosis, and its report."""
-    kept, run = [], OdeSearch.run
+    kept, look_for_one = [], OdeSearch.look_for_one
 
     def remembered(self):
         kept.append(self)
-        return run(self)
+        return look_for_one(self)
 
-    monkeypatch.setattr(OdeSearch, "run", remembered)
+    monkeypatch.setattr(OdeSearch, "look_for_one", remembered)
     report = GapDiagnoser(simulator, random_state=0, n_jobs=1, **options).fit(X, y).report_
     return kept[-1], report
 

@@ -128,7 +128,11 @@ def test_windows_that_would_grow_in_vain_are_not_fitted(monkeypatch, stands, tog
         fitted_null=null, standing=Some(candidate=stands, left=7.0, effects=(BIAS,)), tolerated_cost=247.0,
         first_screen=Some(left_by=np.array([1000.0, 600.0, 500.0, together])), problem=Some(free=(), record=Some(lengths=np.array([4]))),
         needed_gain=lambda k: 1.0, report=lambda text: None, ranked=lambda some, base: [], expand=lambda *given: asked.append(given) or [],
+        of_signals=frozenset({"v"}),
     )  # fmt: skip
+    look_for_onsets(search)
+    assert not asked  # one law of v explains the gap, and is always there
+    search.of_signals = None
     look_for_onsets(search)
     ((_, wanted),) = asked
     assert [one.name for one in wanted.among] == [one.effect.name for one in windows if 1000.0 - one.drop < most]

@@ -1,5 +1,6 @@
 """A sample time in another unit than the simulator's rates is said so."""
 
+from contextlib import nullcontext
 from types import SimpleNamespace
 
 import numpy as np
@@ -291,10 +292,18 @@ def test_only_angles_are_written_in_degrees():
 def test_a_unit_stands_only_where_no_names_explain_more(explains, asked, named, monkeypatch):
     null, final = (SimpleNamespace(fit=SimpleNamespace(y=y)) for y in ("alone", "with names"))
     search = SimpleNamespace(standing=null, problem=SimpleNamespace(record="record"), look_for_onsets=lambda: None)
-    search.run, search.final = (lambda: setattr(search, "standing", final)), None
+    search.look_for_more, search.final = (lambda: setattr(search, "standing", final)), None
+    search.look_for_one, search.among_signals = (lambda: None), (lambda law: nullcontext())
     pipeline = DiagnosisPipeline.__new__(DiagnosisPipeline)
     pipeline.search, pipeline.problem = search, search.problem
-    search.fitted_null, pipeline.access = null, SimpleNamespace(other_unit=OtherWriting(explains, "in degrees"))
+    search.fitted_null, pipeline.access = (
+        null,
+        SimpleNamespace(
+            other_unit=OtherWriting(explains, "in degrees"),
+            law_of_the_gap=None,
+            ask_for_the_law_of_the_gap=lambda: None,
+        ),
+    )
     monkeypatch.setattr(_pipeline, "share_explained", lambda record, y: 0.9 if named else 0.5)
     pipeline.look_for_names()
     assert (search.standing is final) is asked
