@@ -16,9 +16,10 @@ def law_of_the_gap(search: OdeSearch) -> LawLeft | None:
     What is missing is one function then, at one place: names of other functions would only imitate it. Names whose sum it is are driven
     by its signals.
     """
-    if search.leading is None or search.judged[search.leading[0]].left < NEARLY_WHITE:
+    best = None if search.leading is None else search.leading[0]
+    if best is None or search.judged[best].left < NEARLY_WHITE:
         return None
-    null, best = search.fitted_null, search.leading[0]
+    null = search.fitted_null
     law = judged_law(search, null, null.candidate, along=True)
     if law is None or law.left.variable == "time" or law.left.left > NEARLY_WHITE:
         return None

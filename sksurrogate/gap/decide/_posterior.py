@@ -102,8 +102,9 @@ def _likeliest(search: OdeSearch, final: Evidence, fallen: set[frozenset]) -> tu
     """What stands of a set, or in its place, and its posterior; keys of sets that do not stand are added to ``fallen``.
 
     Effects in whose place a law does as well are taken out, the least probable first, and those that only correct the form of
-    another; another effect takes the place of one where that is likelier, or of one that is needed and has no magnitude in these data. Names that leave most of the gap in the data that
-    they were fitted to close no more of it on runs left out: they are not weighed.
+    another. Another effect takes the place of one where that is likelier; this is also asked of an effect that is needed and whose
+    magnitude the data do not show, before it is taken out. Names that leave most of the gap in the data that they were fitted to close
+    no more of it on runs left out: they are not weighed.
     """
     final = needed_only(search, final)
     stood: dict[frozenset, tuple[Evidence, Posterior]] = {}
