@@ -1,4 +1,4 @@
-"""Free runs of a right-hand side: substeps chosen by their error, scipy's integrators for stiff plants."""
+"""Free runs of a right-hand side: substeps chosen by their error, for all samples or for each; scipy's integrators for stiff plants."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from sksurrogate.exceptions import SimulationDiverged, SimulatorError
 from sksurrogate.kernels.integrate import march, rk4
 from sksurrogate.kernels.signals import hold
 from sksurrogate.kernels.windows import run_in_windows
+from sksurrogate.physics._own_substeps import run_with_own_substeps
 
 #: Largest local error of a sample, relative to the size of the state, that the choice of substeps accepts.
 TOLERANCE = 1e-8
@@ -24,7 +25,7 @@ LONG_RUN = 1_000
 
 #: Why an export cannot equal such a run.
 OF_SCIPY = (
-    "scipy's integrator simulates this run with variable steps, so no export with fixed steps equals it. Choose n_sub and "
+    "An integrator simulates this run with variable steps, so no export with fixed steps equals it. Choose n_sub and "
     'compare, or simulate with method="RK4", hold="zoh" and without events.'
 )
 
@@ -67,7 +68,7 @@ def free_run(
     ``order`` {0, 1}: hold.
     ``method``: "auto", "RK4", or a method of :func:`scipy.integrate.solve_ivp`.
     ``many``: whether many points cost little more than one: then long runs are closed by Newton's method, window by
-        window.
+        window, and the samples of a plant that is stiff now and then have substeps of their own.
     ``n_sub``: with "auto" and "RK4": this many substeps per sample ("auto": unless the run becomes infinite or nan with
         them); None: as many as the local error asks for.
     Returns (n_runs, n_samples, n_states): not finite from where a run diverges.
@@ -81,9 +82,12 @@ def free_run(
                 X = _explicit(derivative, U, X0, t, order, windows, n_sub)[0]
                 if method == "RK4" or np.all(np.isfinite(X)):
                     return X
-            X, n_sub = _explicit(derivative, U, X0, t, order, windows)
+            X, n_sub = _explicit(derivative, U, X0, t, order, windows, most=_most(method))
             if method == "RK4" or (n_sub <= MOST_PLANT_SUBSTEPS and np.all(np.isfinite(X))):
                 return X
+            own = run_with_own_substeps(derivative, U, X0, t, _widths(t), order=order, near=X) if windows else None
+            if own is not None:
+                return own
             method = "LSODA"
         return np.stack([_adaptive(derivative, U[r], X0[r], t, order, method) for r in range(len(U))])
 
@@ -102,21 +106,23 @@ def substeps(
     if method not in ("auto", "RK4"):
         return None
     with np.errstate(all="ignore"):
-        X, n_sub = _explicit(derivative, U, X0, t, order, many and len(t) > LONG_RUN)
+        X, n_sub = _explicit(derivative, U, X0, t, order, many and len(t) > LONG_RUN, most=_most(method))
     return n_sub if method == "RK4" or (n_sub <= MOST_PLANT_SUBSTEPS and np.all(np.isfinite(X))) else None
 
 
 def _explicit(
-    derivative: Derivative, U: np.ndarray, X0: np.ndarray, t: np.ndarray, order: int, windows: bool, fixed: int = 0
-) -> tuple[np.ndarray, int]:
+    derivative: Derivative, U: np.ndarray, X0: np.ndarray, t: np.ndarray, order: int, windows: bool,
+    fixed: int = 0, most: float = np.inf,
+) -> tuple[np.ndarray, int]:  # fmt: skip
     """Runge-Kutta with as many substeps as are ``fixed``, or (0) as the local error asks for; that number.
 
+    Where the error asks for more than ``most``, that number and a run with fewer.
     A jump that is crossed now and then asks for as many as a stiff plant does. Its error falls with the number of substeps, that of a
     smooth plant with the fourth power of it: where it falls more slowly than with the square, the most substeps are taken.
     """
     n_sub, X = fixed or 2, None
     fewer, before = n_sub, np.inf
-    dt = np.diff(t, append=t[-1] + (t[-1] - t[-2] if len(t) > 1 else 1.0))
+    dt = _widths(t)
     step: float | np.ndarray = float(dt[0]) if np.allclose(dt, dt[0], rtol=1e-9) else dt
     while True:
         mean, half = hold_inputs(U, n_sub, order)
@@ -133,7 +139,19 @@ def _explicit(
         jumps = often <= TOLERANCE and rare > before * (fewer / n_sub) ** 2
         if wanted > MOST_PLANT_SUBSTEPS and jumps:
             return _explicit(derivative, U, X0, t, order, windows, MOST_PLANT_SUBSTEPS)
+        if wanted > most:
+            return X.transpose(1, 2, 0), wanted
         fewer, before, n_sub = n_sub, rare, wanted
+
+
+def _most(method: str) -> float:
+    """Largest number of substeps that is worth a run: "RK4" has no other way."""
+    return MOST_PLANT_SUBSTEPS if method == "auto" else np.inf
+
+
+def _widths(t: np.ndarray) -> np.ndarray:
+    """Time from every sample to the next; the last one as the one before."""
+    return np.diff(t, append=t[-1] + (t[-1] - t[-2] if len(t) > 1 else 1.0))
 
 
 def _in_windows(
