@@ -21,6 +21,7 @@ from sksurrogate.effects._sensor import SensorDelay
 from sksurrogate.effects._still import driven_effects
 from sksurrogate.effects._structure import kinematic_states
 from sksurrogate.effects._unsettled import in_motion
+from sksurrogate.effects._wires import factors
 from sksurrogate.exceptions import SimulatorError, SurrogateError
 from sksurrogate.gap._pipeline import DiagnosisPipeline
 from sksurrogate.gap._progress import Progress
@@ -149,8 +150,7 @@ def _say_slow(model: PlantModel, record: Record) -> None:
 
 def _acts_near(effect: BaseEffect, problem: OdeBackend) -> bool:
     """Whether the signals that drive an effect are near the balance in which it acts."""
-    drivers = effect.variable.split("*") if effect.variable else []
-    return effect.kind != "state" or is_near(problem.near, effect.location, drivers)
+    return effect.kind != "state" or is_near(problem.near, effect.location, factors(effect))
 
 
 def _candidates(task: Task, balances: Sequence[str]) -> list[BaseEffect]:

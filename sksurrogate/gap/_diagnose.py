@@ -1,4 +1,4 @@
-"""GapDiagnoser: the order of the questions."""
+"""GapDiagnoser: parameters, data and report of a diagnosis."""
 
 from __future__ import annotations
 
@@ -107,7 +107,7 @@ class GapDiagnoser(BaseEstimator):
     ``k ln N + 2 ln M`` for k parameters, N measured values and M candidates. A record of more than 9000 samples,
     or of more than 3000 with over 18000 readings of all outputs, is searched in pieces, and the named effects are fitted again on
     up to 60000 samples. With more than six states, effects and laws are first tried with signals that their balance sees along the
-    data, or that see it; effects of distant signals follow where more than 1.5 times the noise is left.
+    data, or that see it; effects of distant signals follow where more than 1.15 times the noise is left.
 
     References
     ----------

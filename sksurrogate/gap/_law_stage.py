@@ -20,7 +20,7 @@ from sksurrogate.gap.decide._law_certificate import (
     takes_the_place,
 )
 from sksurrogate.gap.decide._one_curve import LARGEST_CORRECTION
-from sksurrogate.gap.decide._rules import certified, first_rule
+from sksurrogate.gap.decide._rules import Rule, certified, first_rule
 from sksurrogate.gap.faults._input_timing import with_joined_inputs
 from sksurrogate.gap.fit._closeness import NEARLY_WHITE
 from sksurrogate.gap.fit._evidence import C, Evidence
@@ -44,24 +44,37 @@ class LawStage(DiagnosisState[C]):
         found, features = self.found, self.features()
         if features is None or found.held is None or found.shrink is None or not found.shrink.measurable:
             return
-        rule, beside, rest = first_rule(features), None, None
-        if rule.withdraws:
-            self.withdraw_names(WITHDRAWN + rule.sentence)
-        elif self.names_may_imitate(rule.verdict, features.share_left):
-            beside, rest = self.law_in_place_of_names(found.held, rule.verdict)
-        if beside is None and rule.law and rule.verdict in ("partial", "unknown"):
-            base = self.final if rule.verdict == "partial" else self.null
-            beside = self.access.law_beside(base, self.final, found.held) if rest is None else rest
+        rule = first_rule(features)
+        beside = self.chosen_law(rule, features.share_left)
         if beside is not None:
-            found.held, found.beside = beside.held, beside
-            self.measure()
-            law = law_of(beside, self.problem.plant, found.shrink)
-            found.law = replace(law, certified=law.certified and not self.did_not_stand(law))
-            self.measure()  # above the noise of the simulator with the law
-            share = share_of_law(found.shrink)
-            found.law = replace(found.law, share=share) if found.law.certified or share > 0.0 else None
+            self.take_law(beside)
         if rule.verdict == "unknown" and self.posterior.rejected is not None and not self.final.effects:
             found.nearer = self.closes_more_than_the_law(self.posterior.rejected)
+
+    def chosen_law(self, rule: Rule, share_left: float) -> CertifiedLaw | None:
+        """The law in the place of the names, which are withdrawn then, or the one beside what stands; None where the rule asks for none."""
+        assert self.found.held is not None
+        instead, rest = None, None
+        if rule.withdraws:
+            self.withdraw_names(WITHDRAWN + rule.sentence)
+        elif self.names_may_imitate(rule.verdict, share_left):
+            instead, rest = self.law_in_place_of_names(self.found.held, rule.verdict)
+        if instead is not None or not rule.law or rule.verdict not in ("partial", "unknown"):
+            return instead
+        base = self.final if rule.verdict == "partial" else self.null
+        return self.access.law_beside(base, self.final, self.found.held) if rest is None else rest
+
+    def take_law(self, beside: CertifiedLaw) -> None:
+        """The runs with a law are measured; it is told where it is certified, or closes a share of the gap."""
+        found = self.found
+        found.held, found.beside = beside.held, beside
+        self.measure()
+        assert found.shrink is not None
+        law = law_of(beside, self.problem.plant, found.shrink)
+        found.law = replace(law, certified=law.certified and not self.did_not_stand(law))
+        self.measure()  # above the noise of the simulator with the law
+        share = share_of_law(found.shrink)
+        found.law = replace(found.law, share=share) if found.law.certified or share > 0.0 else None
 
     def closes_more_than_the_law(self, rejected: Evidence[C]) -> tuple[Evidence[C], float] | None:
         """An effect that was rejected for a law in its place, and the share of the gap (amplitude) that it closes on runs left out; None

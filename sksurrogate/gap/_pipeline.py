@@ -64,8 +64,7 @@ class DiagnosisPipeline(LawStage[C]):
             try:
                 for stage in STAGES[self.asked :]:
                     progress.stage(stage.share)
-                    until = progress.started_at + stage.until * (self.time_limit or np.inf)
-                    with quiet(), time_until(until):
+                    with quiet(), time_until(self.moment(stage.until)):
                         self.ask(stage)
                     self.asked += 1
                     if self.book is not came:
@@ -113,9 +112,8 @@ class DiagnosisPipeline(LawStage[C]):
     def fit_null(self) -> None:
         """The simulator alone; what can be asked in the second process while names are looked for."""
         self.search.fit_null()
-        soon = self.started_at + SOON * (self.time_limit or np.inf)
-        with self.answered("whether the record has another unit"), time_until(soon):
-            self.access.begin()
+        with self.answered("whether the record has another unit"), time_until(self.moment(SOON)):
+            self.access.ask_for_another_unit()
         if self.access.asks_early:
             _ = self.baseline
 
@@ -146,7 +144,7 @@ class DiagnosisPipeline(LawStage[C]):
         self.access.ask_for_places(self.final)
         if self.access.other_unit.sentence:
             return
-        if self.book is not None and time.perf_counter() - self.started_at < SOON * (self.time_limit or np.inf):
+        if self.book is not None and time.perf_counter() < self.moment(SOON):
             self.book = self.book.with_next_fault(
                 self.search, self.rows, self.access.law_left, self.access.law_of_the_gap
             )
@@ -276,8 +274,7 @@ class DiagnosisPipeline(LawStage[C]):
     def place_and_term(self, verdict: str, effects: list[EffectEstimate]) -> tuple[Where, MissingTerm | None]:
         """Where the gap lies and the shape of what is missing there, as far as there is time."""
         place, term = Where(None, None), None
-        limit = self.started_at + (self.time_limit or np.inf)
-        with self.answered("the place of the gap"), time_until(limit):
+        with self.answered("the place of the gap"), time_until(self.moment(1.0)):
             if time_left() > 0.0:
                 place = self.where(verdict, effects)
             if verdict in ("partial", "unknown") and self.access.places is not None and place.location is not None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from sksurrogate._parallel._worker_process import PendingAnswer
 from sksurrogate.gap.decide._access import BaseAccess
-from sksurrogate.gap.decide._equivalence import EquivalenceClass, probabilities
+from sksurrogate.gap.decide._equivalence import probabilities
 from sksurrogate.gap.decide._held_out import HeldOut, measure, shares
 from sksurrogate.gap.decide._intervals import intervals, is_sized
 from sksurrogate.gap.decide._law_certificate import certified_law
@@ -92,6 +92,10 @@ class DiagnosisState(Generic[C]):
         """Inputs the noise of whose measurement is the gap."""
         return set() if self.book is None else self.book.noisy_inputs
 
+    def moment(self, share: float) -> float:
+        """When a share of the time limit is over, on the clock of ``time.perf_counter``; never without a limit."""
+        return self.started_at + share * (self.time_limit or np.inf)
+
     def measure(self) -> None:
         """How far the gap shrinks on runs left out."""
         assert self.found.held is not None
@@ -116,7 +120,7 @@ class DiagnosisState(Generic[C]):
             return
         if final.effects:
             own, retuning = shares(final.candidate, found.shrink.fraction_power)
-            classes = found.classes or [EquivalenceClass[C](i, []) for i in range(len(final.effects))]
+            classes = [found.class_of(i) for i in range(len(final.effects))]
             chances = probabilities(self.search, final.candidate, classes, self.posterior)
             found.parts = Parts(tuple(own), retuning, tuple(chances))
         else:

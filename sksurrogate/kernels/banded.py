@@ -32,6 +32,18 @@ def recursion_band(A: np.ndarray, starts: np.ndarray) -> np.ndarray:
     return band.reshape(n_samples * n, 2 * n).T
 
 
+def a_sample_later(change: np.ndarray, starts: np.ndarray) -> np.ndarray:
+    """Changes of the next states (..., n_samples) at the sample in which these are, never from one run into the next.
+
+    >>> a_sample_later(np.array([1.0, 2.0, 3.0, 4.0]), np.array([0, 2]))
+    array([0., 1., 0., 3.])
+    """
+    out = np.zeros_like(change)
+    out[..., 1:] = change[..., :-1]
+    out[..., starts] = 0.0
+    return out
+
+
 def solve_recursion(band: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Solve ``s[k+1] - A[k] s[k] = b[k+1]``, ``s = b`` at the first row of each run.
 

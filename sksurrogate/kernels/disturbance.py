@@ -20,6 +20,7 @@ import numpy as np
 from scipy.linalg.lapack import dpbtrf, dpbtrs, dtbtrs
 
 from sksurrogate.kernels.banded import (
+    a_sample_later,
     block_steps,
     first_order_scan,
     recursion_band,
@@ -135,10 +136,8 @@ class Disturbance:
 
     def moved(self, change: np.ndarray) -> np.ndarray:
         """What changes of the next states (n_states, k, n_samples) move the outputs by: (n_outputs, k, n_samples)."""
-        b = np.zeros_like(change)
-        b[:, :, 1:] = change[:, :, :-1]
-        b[:, :, self.starts] = 0.0
-        states, out = solve_recursion(self._recursion, b), np.zeros((self.m, *change.shape[1:]))
+        states = solve_recursion(self._recursion, a_sample_later(change, self.starts))
+        out = np.zeros((self.m, *change.shape[1:]))
         for j, seen in enumerate(self.seen):
             for i in seen:
                 out[j] += self.C[:, j, i] * states[i]

@@ -132,9 +132,13 @@ class Record:
         """Mean of the measured values of every output (n_outputs,)."""
         return np.array([np.mean(self.measured(j)) if self.counts[:, j].any() else 0.0 for j in range(len(self.y))])
 
+    def rows_of(self, j: int) -> slice | np.ndarray:
+        """The rows in which output j was measured."""
+        return slice(None) if self.known is None else self.known[j]
+
     def measured(self, j: int) -> np.ndarray:
         """The measured values of output j, in order of time."""
-        return self.y[j] if self.known is None else self.y[j, self.known[j]]
+        return self.y[j, self.rows_of(j)]
 
     def readings(self, j: int) -> np.ndarray:
         """Output j, nan where it was not measured (n_samples,)."""

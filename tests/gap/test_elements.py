@@ -99,7 +99,9 @@ def test_a_parameter_that_depends_on_a_state_is_a_law_of_the_parameter(tmp_path)
     report = diagnoser.fit(U[:4].reshape(-1, 1), y, groups=np.repeat(np.arange(4), 180)).report_
     law = report.missing_term.law
     assert (law.location, law.kind, law.variables, law.certified) == ("k", "parameter", ("T",), True)
-    assert "in the parameter k" in report.sentence and not any("From run to run" in note for note in report.notes)
+    assert "in the term that the parameter k scales" in report.sentence and not any(
+        "From run to run" in note for note in report.notes
+    )
     T = np.linspace(*law.domain["T"], 50)
     np.testing.assert_allclose(0.6 + law.value({"T": T}), rate(T), rtol=0.02)
     save_augmented(diagnoser.augmented_, tmp_path / "reactor.json")

@@ -48,7 +48,8 @@ def test_the_gain_of_a_name_counts_by_the_values_that_are_left_free():
     problem, smoothed = build_problem(PlantModel(plant), record, (), ("speed",))
     library = [CATALOGUE[name]("speed", "speed") for name in ("linear_loss", "quadratic_drag", "power_law")]
     search = OdeSearch(problem, library, smoothed.x)
-    search.run()
+    search.look_for_one()
+    search.look_for_more()
     for candidate in search.first_round:
         free = 1.0 - (2 + candidate.n_parameters) / N  # two initial states
         whole = 2.0 * (search.evidence(candidate) - search.evidence(search.fitted_null.candidate))

@@ -64,7 +64,7 @@ def test_a_bias_of_the_input_does_what_a_load_and_a_wrong_reading_do():
 
     search = OdeSearch(problem, [*pair, *others], smoothed.x)
     search.fit_null()
-    stands = met_twins(search, search.judged[search.stand(search.polish(named))])
+    stands = met_twins(search, search.stand(search.polish(named)))
     assert [effect.name for effect in stands.effects] == ["input_bias"]
     assert stands.candidate.fit.theta[0] == pytest.approx(bias, abs=0.01)
 

@@ -80,7 +80,8 @@ def test_two_names_are_found_and_settled_through_either_access():
     ode, trajectory, smoothed = problems(plant(), lambda y: 1.3 * y + 0.4)
     library = [CATALOGUE[name]("y") for name in ("sensor_gain", "sensor_bias", "sensor_drift")]
     for search in (OdeSearch(ode, library, smoothed.x), TrajectorySearch(trajectory, library)):
-        final = search.run()
+        search.look_for_one()
+        final = search.look_for_more()
         assert isinstance(final, Evidence)
         assert {effect.name for effect in final.effects} == {"sensor_gain", "sensor_bias"}
         values = dict(zip([e.name for e in final.effects], [final.candidate.theta_of(i)[0] for i in range(2)]))
@@ -122,7 +123,8 @@ def test_a_friction_with_an_offset_is_told_from_a_symmetric_one_beside_a_step():
     record = Record.from_runs([U], [y + 0.01 * rng.normal(size=y.shape)], [0.1 * np.arange(len(U))], 0.1)
     problem, smoothed = build_problem(PlantModel(inside), record, (), ("speed",))
     search = OdeSearch(problem, library, smoothed.x)
-    found = search.run()
+    search.look_for_one()
+    found = search.look_for_more()
     assert {effect.name for effect in found.effects} == {"asymmetric_friction", "step_disturbance"}
     assert found.left < 1.05
 

@@ -10,7 +10,7 @@ from sksurrogate.effects._balance import ConstantBias, LinearLoss
 from sksurrogate.gap import GapDiagnoser
 from sksurrogate.gap.decide._equivalence import EquivalenceClass, Twin, probabilities
 from sksurrogate.gap.decide._posterior import Posterior
-from sksurrogate.gap.search._ode_search import EQUAL
+from sksurrogate.gap.search._base import EQUAL
 from sksurrogate.physics import ODESimulator
 
 

@@ -29,7 +29,7 @@ def test_what_does_most_of_the_same_takes_its_place(monkeypatch, lag_is, without
         id(one): SimpleNamespace(candidate=one, effects=one.effects, left=3.4, fit=one.fit) for one in (mode, lag, grid)
     }
     search = SimpleNamespace(
-        stood={}, tolerated_cost=100.0, gap_cost=1e4, judged=evidence, stand=id, polish=lambda one: one, without=lambda one, i: grid
+        stood={}, tolerated_cost=100.0, gap_cost=1e4, stand=lambda one: evidence[id(one)], polish=lambda one: one, without=lambda one, i: grid
     )  # fmt: skip
     patched = {
         "needed_only": lambda search, final: final,

@@ -101,7 +101,7 @@ def test_one_step_tells_what_all_values_of_a_parameter_that_moves_change(
 )
 def test_a_unit_of_an_input_tells_what_all_its_changes_change(responses, null, effect, values):
     effect, starts = CATALOGUE[effect]("torque"), np.array(values)
-    model, theta = null.problem.augmented((effect,)), responses.theta_with(starts)
+    model, theta = null.problem.augmented((effect,)), np.stack([null.theta_with(start) for start in starts.T], axis=1)
     whole = model.bind(theta)(np.repeat(responses.smoothed.x[:, None], starts.shape[1], axis=1)) - responses.after
     changed = responses.entered(effect, model, theta)
     assert np.linalg.norm(whole) > 0

@@ -1,5 +1,6 @@
 """Where a search stops: sets that grow in vain, sets that remember enough, stacks of surrogates."""
 
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -176,12 +177,12 @@ def test_a_set_grows_on_from_the_form_that_leads_to_the_noise(leads, grown):
         tolerated_cost=10.0,
         polish=lambda one: one,
         leads_on=lambda one, n: one.name == leads,
-        may_be_named=lambda one: True,
         richer_form=lambda one: None,
-        stand=lambda one: stood.append(one.name) or one,
-        of_signals=None,
+        stand=lambda one: stood.append(one.name) or SimpleNamespace(candidate=one),
+        may_be_extended=lambda one: True,
         one_more=lambda one, passed: asked.append(one.name),
     )
+    search.leanest_that_leads_on = partial(_set_search.SetSearch.leanest_that_leads_on, search)
     _set_search.SetSearch.grow(search, rich, True, None)
     assert stood == [grown or "simple"]
     assert asked == ([grown] if grown else [])
@@ -203,11 +204,10 @@ def test_a_search_gives_up_where_a_further_name_takes_little_not_where_a_richer_
     search = SimpleNamespace(
         is_far=lambda one: True,
         judged={before: None, larger: None},
-        may_be_named=lambda one: True,
+        may_be_extended=lambda one: True,
         richer_form=lambda one: None,
-        stand=lambda one: one,
+        stand=lambda one: SimpleNamespace(candidate=one),
         tolerated_cost=10.0,
-        of_signals=None,
         one_more=lambda one, passed: asked.append(one) or (larger if one is before else None),
     )
     monkeypatch.setattr(_set_search, "closes_by_size", lambda *given: False)

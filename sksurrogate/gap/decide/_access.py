@@ -62,8 +62,8 @@ class BaseAccess(ABC, Generic[C]):
     def correction(self, correction: Any) -> Correction | None:
         """Free runs of the generic learner of the waterfall."""
 
-    def begin(self) -> None:
-        """What is made once for one null."""
+    def ask_for_another_unit(self) -> None:
+        """Whether the record is written in another unit than the simulator's, asked once."""
 
     def law_left(self, final: Evidence[C]) -> LawLeft | None:
         """The likeliest law beside what is named; None where none is compared with faults of the record."""

@@ -124,7 +124,7 @@ def choices_by_fold(search: BaseSearch[C], choices: Sequence[tuple[C, Sequence[N
     """
     record = blocked(search.problem.record)
     fold, candidates = run_folds(record), [candidate for candidate, _, _ in choices]
-    n_folds = len(np.unique(fold))
+    n_folds = int(fold.max()) + 1
     if len(candidates) < 2 or n_folds < 2:
         return [candidates[0]] * n_folds
     by_size = all(search.is_far(candidate) for candidate in candidates)

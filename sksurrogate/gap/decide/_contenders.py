@@ -202,31 +202,25 @@ def judged_law(
     set that leaves the same to a law is not asked again.
     """
     noises = noises_of(final) if noises is None else noises
-    asked = LawAsked((final.candidate, candidate, instead), along, noises, seeds)
+    asked = LawAsked(final.candidate, candidate, instead, along, noises, seeds)
     for known, law in search.laws:
         seen = {*known.seeds, *([law.name] if law else [])}
         if seen.issuperset(seeds) and known.is_like(asked, search):
             return law
-    law = _law(search, final, candidate, along, seeds, instead, noises)
+    law = _law(search, final, asked)
     search.laws.append((asked, law))
     return law
 
 
-def _law(
-    search: OdeSearch,
-    final: Evidence,
-    candidate: OdeCandidate,
-    along: bool,
-    seeds: Sequence[LawName],
-    instead: OdeCandidate | None,
-    noises: Sequence[Noise],
-) -> LawBeside | None:
-    problem, far = candidate.problem, _is_far(search, final)
-    x = (search.x if far else final.candidate.fit.x)[: len(problem.plant.states)]
-    asked = LawQuestion(candidate, noises, x if along or far else None, seeds=seeds, instead=instead)
-    found = [law_along(search, asked)]
+def _law(search: OdeSearch, final: Evidence, asked: LawAsked) -> LawBeside | None:
+    candidate, far = asked.beside, _is_far(search, final)
+    x = search.x if far else final.candidate.states
+    question = LawQuestion(
+        candidate, asked.noises, x if asked.along or far else None, seeds=asked.seeds, instead=asked.instead
+    )
+    found = [law_along(search, question)]
     if candidate.effects and final.left > AT_THE_NOISE and _may_be_regressors(candidate):
-        found.append(law_along(search, replace(asked, path=x, bare=True)))
+        found.append(law_along(search, replace(question, path=x, bare=True)))
     return max((one for one in found if one is not None), key=lambda one: one.total, default=None)
 
 

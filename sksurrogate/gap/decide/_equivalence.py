@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Generic
 
 import numpy as np
+from scipy.special import softmax
 
 from sksurrogate.effects._base_effect import BaseEffect
 from sksurrogate.effects._catalogue import CATALOGUE
@@ -37,9 +38,8 @@ class Twin(Generic[C]):
 
     candidate: C
     same: bool  #: Whether its prediction is the same within a fraction of the noise
-    one_factor: bool = (
-        False  #: Whether it is the named effect at a parameter that acts alike: only knowledge of the plant decides
-    )
+    #: Whether it is the named effect at a parameter that acts alike: only knowledge of the plant decides
+    one_factor: bool = False
 
     @property
     def effect(self) -> BaseEffect:
@@ -245,9 +245,7 @@ def probabilities(
         named = {final.effects[its_class.index].key, *its_class.keys}
         against = _rejected(search, final, its_class)
         against += [own + more for keys, more in posterior.elsewhere if not keys & named]
-        top = max([*ours, *against])
-        for_it, in_all = (float(np.sum(np.exp(np.array(values) - top))) for values in (ours, [*ours, *against]))
-        out.append(chance * for_it / in_all)
+        out.append(chance * float(np.sum(softmax([*ours, *against])[: len(ours)])))
     return out
 
 

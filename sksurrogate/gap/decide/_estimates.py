@@ -10,12 +10,11 @@ import numpy as np
 from sksurrogate.effects._base_effect import BaseEffect
 from sksurrogate.effects._catalogue import name_of
 from sksurrogate.effects._ports import at_port
-from sksurrogate.gap.decide._equivalence import EquivalenceClass
 from sksurrogate.gap.decide._partial_results import PartialResults
 from sksurrogate.gap.fit._evidence import C, Evidence
 from sksurrogate.gap.results._effect_estimate import EffectEstimate
 from sksurrogate.gap.results._next_experiment import NextExperiment, first_of
-from sksurrogate.gap.results._table import Table
+from sksurrogate.gap.results._table import EMPTY, Table
 from sksurrogate.gap.search._base import BaseSearch
 from sksurrogate.gap.search._nested import richer as richer_form
 from sksurrogate.gap.search._related_forms import special_cases
@@ -75,7 +74,7 @@ class _Class(NamedTuple):
 
 def _class_of(search: BaseSearch[C], named: C, i: int, found: PartialResults) -> _Class:
     """The class of one effect of what stands, without effects that stand beside it."""
-    effect, its_class = named.effects[i], found.classes[i] if i < len(found.classes) else EquivalenceClass(i, [])
+    effect, its_class = named.effects[i], found.class_of(i)
     added = [twin.effect for twin in its_class.twins]
     ahead = [other.key for other in added if richer_form(other, effect)]
     twins = [other.key for other in added if other.key not in named.keys]
@@ -116,7 +115,7 @@ def reported(
 def ranking(search: BaseSearch[C], final: Evidence[C]) -> Table:
     """One row a candidate, the most evident first; nan where it was not fitted, no rows before the null is."""
     if search.null is None:
-        return Table()
+        return EMPTY
     by_gain = sorted(search.first_round, key=search.gain)  # of several forms of one effect the likeliest stays
     fitted = {candidate.keys[0]: candidate for candidate in by_gain}
     if len(final.effects) == 1:  # it may begin within the runs, which no single effect of the first round does

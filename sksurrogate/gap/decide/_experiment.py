@@ -40,7 +40,8 @@ def suggestion(apart: Mapping[str, np.ndarray], names: Sequence[str], beyond: Co
     ``names``: the named effect, then its candidates.
     ``beyond``: experiments whose inputs leave the recorded range.
     """
-    most = np.nanmax(np.where(np.isfinite(list(apart.values())), list(apart.values()), -1.0), axis=0)
+    nats = np.array(list(apart.values()))
+    most = np.max(np.where(np.isfinite(nats), nats, -1.0), axis=0)
     settled = np.flatnonzero(most >= NATS_THAT_SETTLE) if np.any(most >= NATS_THAT_SETTLE) else np.arange(len(most))
     rows: list[dict[str, Any]] = []
     for experiment, values in apart.items():

@@ -129,7 +129,7 @@ class _Own:
         from sklearn.base import clone
 
         fitted = clone(self.model).fit(np.concatenate(U), np.concatenate(y), groups=_labels(U))
-        n_lags = int(getattr(fitted, "n_initial_", 0) or getattr(fitted, "n_lags_", 0) or 5)
+        n_lags = int(getattr(fitted, "n_initial_", 0) or getattr(fitted, "n_lags_", 0) or LAGS)
         first = np.stack([part[:n_lags] for part in z])
         found = np.asarray(fitted.predict(np.concatenate(V), y0=first, groups=_labels(V))).reshape(-1, z[0].shape[1])
         self._found += np.split(found, np.cumsum([len(part) for part in V])[:-1])

@@ -39,13 +39,14 @@ class HeldOut:
 def without_names(null: BaseCandidate, correction: Correction | None = None) -> HeldOut:
     """Free runs on runs left out of what needs no name: the simulator, ``after`` as ``before``, re-tuning alone, a generic correction."""
     record = blocked(null.problem.record)
-    n_folds = int(run_folds(record).max()) + 1
+    folds = run_folds(record)
+    n_folds = int(folds.max()) + 1
     nominal, tuned = null.baselines(record)
     before = _by_fold(record, [nominal] * n_folds)
     lost = ~np.isfinite(before)
     before[lost] = np.repeat(record.level[:, None], record.n_samples, axis=1)[lost]
     retuned = _or_else(_by_fold(record, [tuned] * n_folds), before)
-    corrected = np.full_like(before, np.nan) if correction is None else correction(record, run_folds(record))
+    corrected = np.full_like(before, np.nan) if correction is None else correction(record, folds)
     return HeldOut(record, before, before, retuned, corrected)
 
 

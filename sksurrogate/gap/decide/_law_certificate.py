@@ -56,13 +56,9 @@ def takes_the_place(
 
 def n_parts(law: FittedLaw, final: Evidence[Any]) -> int:
     """Number of effects that a formula is worth beside names: its parts that share no signal, and a constant that is one of the names."""
-    return separate_parts(law.effect.terms) + has_a_name_in_it(law, final)
-
-
-def has_a_name_in_it(law: FittedLaw, final: Evidence[Any]) -> bool:
-    """Whether the constant of a formula is one of the names, which is a part of it then."""
     names = {(effect.name, effect.location) for effect in final.effects}
-    return any(not term.factors for term in law.effect.terms) and (CONSTANTS[law.kind], law.location) in names
+    has_a_constant = any(not term.factors for term in law.effect.terms)
+    return separate_parts(law.effect.terms) + (has_a_constant and (CONSTANTS[law.kind], law.location) in names)
 
 
 def closes_clearly_more(one: float, other: float) -> bool:

@@ -22,8 +22,9 @@ SAME_NOISE = 0.02
 class LawAsked:
     """What a law was asked for."""
 
-    #: What is named, the set that the law stands beside, and the set with the effect in whose place it stands
-    sets: tuple[OdeCandidate | None, ...]
+    named: OdeCandidate  #: What is named
+    beside: OdeCandidate  #: The set that the law stands beside
+    instead: OdeCandidate | None  #: The set with the effect in whose place it stands
     along: bool  #: Whether along the path of what is named
     noises: Sequence[Noise]
     seeds: Sequence[LawName]  #: Laws that are compared in any case
@@ -32,7 +33,8 @@ class LawAsked:
         """Whether another question has the same answer, but for its seeds."""
         if self.along != other.along or not same_noise(self.noises, other.noises):
             return False
-        return all(leaves_the_same(search, *pair) for pair in zip(self.sets, other.sets))
+        pairs = (self.named, other.named), (self.beside, other.beside), (self.instead, other.instead)
+        return all(leaves_the_same(search, *pair) for pair in pairs)
 
 
 def same_noise(some: Sequence[Noise], others: Sequence[Noise]) -> bool:

@@ -19,7 +19,7 @@ from sksurrogate.gap.search._stopping import STACK
 def taken(search: SetSearch[C], candidate: C, before: Evidence[C]) -> Evidence[C]:
     """A smaller set that takes the place of another, under its own noise: that of the larger one knows less to explain."""
     search.judge(estimate_noise(candidate, before.noise, before.curvature))
-    return search.judged[search.stand(search.polish(candidate))]
+    return search.stand(search.polish(candidate))
 
 
 def needed_only(search: SetSearch[C], final: Evidence[C]) -> Evidence[C]:

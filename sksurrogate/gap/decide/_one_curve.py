@@ -15,7 +15,6 @@ from sksurrogate.gap.results._law import Law
 from sksurrogate.gap.search._base import BaseSearch
 from sksurrogate.gap.unnamed._law_evidence import place_and_signal
 from sksurrogate.gap.unnamed._law_left import LawLeft
-from sksurrogate.gap.unnamed._law_shapes import AND_ITS_PAST
 
 #: A law that corrects the form of a name is half normal before any data, with the tolerance as its scale: so many scales hold 95 %.
 LARGEST_CORRECTION = 2.0
@@ -101,7 +100,7 @@ def form_holds(effect: BaseEffect, law: LawLeft, tolerance: float) -> float:
     (True, 1.0)
     """
     without_form = effect.kind == "parameter" or (effect.kind == "state" and effect.variable is None)
-    own = is_at(effect, law) and place_and_signal(effect)[1] == law.variable.removesuffix(AND_ITS_PAST)
+    own = is_at(effect, law) and place_and_signal(effect)[1] == law.signal
     if without_form or not own:
         return 1.0
     return float(ndtr((LARGEST_CORRECTION * tolerance - law.size) / max(law.spread, 1e-300)))

@@ -51,3 +51,7 @@ class PartialResults:
     law: Law | None = None  #: The same as a result
     #: A rejected effect that closes more of the gap (amplitude) on runs left out than the law, and how much
     nearer: tuple[Evidence, float] | None = None
+
+    def class_of(self, i: int) -> EquivalenceClass:
+        """The class of effect i; empty as long as it was not asked for."""
+        return self.classes[i] if i < len(self.classes) else EquivalenceClass(i, [])

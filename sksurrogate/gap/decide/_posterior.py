@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import expit
+from scipy.special import expit, logit, logsumexp, softmax
 
 from sksurrogate.effects._catalogue import name_of
 from sksurrogate.gap.decide._contenders import (
@@ -34,8 +34,6 @@ from sksurrogate.gap.unnamed._law_left import LawLeft
 
 #: Probability from which a name is given, and from which one stands beside others; below it a law does as well in its place.
 CERTAIN_NAME = 0.9
-#: Odds are followed up to so many nats, which a double still holds.
-MOST_NATS = 700.0
 #: One that stands alone is reported as uncertain from here on: it is likelier than not.
 LEAST_ALONE = 0.5
 
@@ -94,7 +92,7 @@ def let_stand(search: OdeSearch, final: Evidence) -> tuple[Evidence, Posterior]:
         if found[0].effects or one is None or one.fit.cost > search.tolerated_cost:
             break
         if frozenset(one.keys) not in fallen:
-            found = _likeliest(search, search.judged[search.stand(one)], fallen)
+            found = _likeliest(search, search.stand(one), fallen)
     return found
 
 
@@ -112,43 +110,52 @@ def _likeliest(search: OdeSearch, final: Evidence, fallen: set[frozenset]) -> tu
         law = judged_law(search, final, final.candidate, along=False)
         return final, Posterior((1.0,) * len(final.effects), law)
     while final.effects and not leaves_most(final, search.gap_cost):
-        posterior = weigh(search, final)
-        least = int(np.argmin(posterior.probabilities))
-        several, keys = len(final.effects) > 1, frozenset(final.candidate.keys)
-        enough = posterior.probabilities[least] >= (CERTAIN_NAME if several else LEAST_ALONE)
-        redundant = redundant_effect(final) if several and enough and final.left > SETTLED else None
-        if enough and (redundant is None or _closes_much(search, final, redundant)):
+        posterior, keys = weigh(search, final), frozenset(final.candidate.keys)
+        falling, for_another = _that_falls(search, final, posterior)
+        if falling is None or for_another:
             if posterior.law is None:
                 return final, posterior
             own, others = contenders(search, final, posterior.law, fallen)
-            if redundant is None:
+            if falling is None:
                 stood[keys] = final, _beside_others(search, final, posterior, own, others)
             else:  # it does not stand; what does as much may
                 fallen.add(keys)
             best = _best(search, final, own, [one for one in others if frozenset(one.candidate.keys) not in stood])
             if best is not own:
-                final = search.judged[search.stand(best.candidate)]
+                final = search.stand(best.candidate)
                 continue
-            if redundant is None:
+            if falling is None:
                 return _sure_part(search, *stood[keys])
         fallen.add(keys)
         if stood:  # what seemed likelier than a set that stood does not stand itself
             final = stood.popitem()[1][0]
             search.stand(final.candidate)
         else:
-            fewer = search.without(final.candidate, least if redundant is None else redundant)
+            fewer = search.without(final.candidate, falling)
             if fewer is None or not fewer.effects:
-                search.final = search.fitted_null
-                return search.fitted_null, Posterior((), None, rejected=final)
+                return _nothing(search, Posterior((), None, rejected=final))
             final = taken(search, fewer, final)
+    return _nothing(search, Posterior((), None, too_far=tuple(map(name_of, final.effects))))
+
+
+def _that_falls(search: OdeSearch, final: Evidence, posterior: Posterior) -> tuple[int | None, bool]:
+    """The effect of a set that does not stand, None where all do; and whether the set needs it, or another one that does as much.
+
+    It is the least probable where a law does as well in its place, or one whose magnitude the data do not show. A correction of a form
+    closes less than what is needed.
+    """
+    least, several = int(np.argmin(posterior.probabilities)), len(final.effects) > 1
+    if posterior.probabilities[least] < (CERTAIN_NAME if several else LEAST_ALONE):
+        return least, False
+    redundant = redundant_effect(final) if several and final.left > SETTLED else None
+    fewer = None if redundant is None else search.without(final.candidate, redundant)
+    return redundant, fewer is not None and is_needed(final.fit.cost, fewer.fit.cost, search.tolerated_cost)
+
+
+def _nothing(search: OdeSearch, why: Posterior) -> tuple[Evidence, Posterior]:
+    """No name stands."""
     search.final = search.fitted_null
-    return search.fitted_null, Posterior((), None, too_far=tuple(map(name_of, final.effects)))
-
-
-def _closes_much(search: OdeSearch, final: Evidence, i: int) -> bool:
-    """Whether a set needs effect i, or one that does as much: a correction of a form closes less."""
-    fewer = search.without(final.candidate, i)
-    return fewer is not None and is_needed(final.fit.cost, fewer.fit.cost, search.tolerated_cost)
+    return search.fitted_null, why
 
 
 def _best(search: OdeSearch, final: Evidence, own: Contender, others: Sequence[Contender]) -> Contender:
@@ -186,17 +193,15 @@ def _sure_part(search: OdeSearch, final: Evidence, posterior: Posterior) -> tupl
 def _not_elsewhere(key: tuple, keys: Sequence[tuple], posterior: Posterior) -> float:
     """Probability of one effect of a set (by ``key`` of its ``keys``) against the sets elsewhere that hold no member of its class."""
     members = {key}.union(*(set(one.keys).difference(keys) for one in posterior.as_likely if key not in one.keys))
-    against = [min(more, MOST_NATS) for held, more in posterior.elsewhere if not held & members]
-    return float(1.0 / (1.0 + np.sum(np.exp(against))))
+    return float(softmax([0.0, *(more for held, more in posterior.elsewhere if not held & members)])[0])
 
 
 def _of_classes(posterior: Posterior, own: Contender, near: Sequence[Contender]) -> Posterior:
     """With the other members of the class of each effect, which count for it as far as they are likely."""
     probabilities = []
     for key, chance in zip(own.candidate.keys, posterior.probabilities):
-        members = [min(one.net - own.net, MOST_NATS) for one in near if key not in one.candidate.keys]
-        mass = chance * (1.0 + float(np.sum(np.exp(members))))
-        probabilities.append(mass / (mass + 1.0 - chance))
+        members = [0.0, *(one.net - own.net for one in near if key not in one.candidate.keys)]
+        probabilities.append(float(expit(logit(chance) + logsumexp(members))))
     return replace(posterior, probabilities=tuple(probabilities), as_likely=tuple(one.candidate for one in near))
 
 
@@ -212,7 +217,7 @@ def law_left_beside(search: OdeSearch, final: Evidence) -> LawLeft | None:
         return None if law is None else law.left
     problem = null.candidate.problem
     free = LawQuestion(null.candidate, (null.noise, problem.quiet(null.noise)))
-    law = law_along(search, replace(free, path=search.x[: len(problem.plant.states)]))
+    law = law_along(search, replace(free, path=search.x))
     if law is None or law.left.gain <= CERTAIN:
         return None if law is None else law.left
     along = law_along(search, free)

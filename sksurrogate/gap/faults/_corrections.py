@@ -278,8 +278,9 @@ class Gains(_OfRuns):
 
     def log_stretch(self, record: Record) -> float:
         """Readings that are scaled down come nearer to each other, and to any model."""
-        known = slice(None) if record.known is None else record.known[self.output]
-        return float(-np.sum(np.log(np.abs(1.0 + self.values[record.recorded_run_of_row[known]]))))
+        assert self.output is not None
+        runs = record.recorded_run_of_row[record.rows_of(self.output)]
+        return float(-np.sum(np.log(np.abs(1.0 + self.values[runs]))))
 
 
 @dataclass(frozen=True, eq=False)

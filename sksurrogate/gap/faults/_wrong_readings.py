@@ -52,8 +52,7 @@ def wrong_readings(record: Record, expected: Callable[[], np.ndarray | None]) ->
 def _out_of_reach(record: Record, j: int) -> np.ndarray:
     """Which readings of output j no plant gives, bool (n_samples,)."""
     far = np.zeros(record.y.shape[1], bool)
-    rows = slice(None) if record.known is None else np.flatnonzero(record.known[j])
-    far[rows] = out_of_reach(record.measured(j))
+    far[record.rows_of(j)] = out_of_reach(record.measured(j))
     return far
 
 

@@ -12,8 +12,8 @@ from itertools import product
 import numpy as np
 
 from sksurrogate.gap.fit._normal_equations import project_starts
-from sksurrogate.gap.fit._pushes import a_sample_later, gain_of_forces
-from sksurrogate.kernels.banded import recursion_band, solve_recursion
+from sksurrogate.gap.fit._pushes import gain_of_forces
+from sksurrogate.kernels.banded import a_sample_later, recursion_band, solve_recursion
 from sksurrogate.kernels.disturbance import Disturbance
 from sksurrogate.kernels.record import Record
 from sksurrogate.kernels.state_space import subspace

@@ -45,9 +45,8 @@ def _of_time(model: PlantModel, record: Record, own: float) -> OtherWriting:
     if shares[best] < own + MORE_EXPLAINED:
         return NOTHING_HELPS
     if best < 1.0 and 1.0 - shares[best] > MORE_EXPLAINED * (1.0 - explained(model, _slower(record, 1.0 / FAR_OFF))):
-        return (
-            NOTHING_HELPS  # what stands still at its first reading leaves nearly as little: runs differ in their starts
-        )
+        # what stands still at its first reading leaves nearly as little: runs differ in their starts
+        return NOTHING_HELPS
     text = f"{best:g} times longer" if best > 1 else f"{1 / best:g} times shorter"
     return OtherWriting(
         shares[best],

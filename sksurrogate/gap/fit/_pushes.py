@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from sksurrogate.kernels.banded import first_order_scan, solve_recursion
+from sksurrogate.kernels.banded import a_sample_later, first_order_scan, solve_recursion
+from sksurrogate.kernels.record import Record
 
 #: Differences are taken by the first share of the size of what may act in jumps, inputs and a simulator that is only run, and by the
 #: second of anything else.
@@ -13,15 +14,11 @@ COARSE_STEP, STEP_OF_SLOPES = 1e-3, 1e-4
 REMEMBERED = 10.0
 
 
-def a_sample_later(change: np.ndarray, starts: np.ndarray) -> np.ndarray:
-    """Changes of the next states (..., n_samples) at the sample in which these are, never from one run into the next.
-
-    >>> a_sample_later(np.array([1.0, 2.0, 3.0, 4.0]), np.array([0, 2]))
-    array([0., 1., 0., 3.])
-    """
-    out = np.zeros_like(change)
-    out[..., 1:] = change[..., :-1]
-    out[..., starts] = 0.0
+def at_end(record: Record, f: np.ndarray) -> np.ndarray:
+    """Values (n_functions, n_samples) at the end of each sample; the last of a run stands."""
+    out = np.roll(f, -1, axis=1)
+    last = record.starts + record.lengths - 1
+    out[:, last] = f[:, last]
     return out
 
 

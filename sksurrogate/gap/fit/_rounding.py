@@ -18,6 +18,8 @@ from sksurrogate.kernels.record import Record, ages_of
 from sksurrogate.kernels.smoother import resolution
 from sksurrogate.physics._simulator import Plant
 
+#: What rounds readings.
+QUANTIZATION = "sensor_quantization"
 #: What the error of a rounding, ``step^2 / 12``, may be of the residual's variance, either way; and how far the free run may
 #: crowd at the grid as the readings do: a grid by the levels of an input is one of the free run too.
 FACTOR, CROWDS = 2.0, 0.5
@@ -42,7 +44,7 @@ class Rounding:
 
 def rounds_a_display(effect: BaseEffect, plant: Plant, record: Record) -> bool:
     """Whether an effect rounds readings that all stand on one fine grid, and on no coarse one: that of the display which gives them, no cause."""
-    if effect.name != "sensor_quantization":
+    if effect.name != QUANTIZATION:
         return False
     output = plant.outputs.index(str(effect.location))
     y, part = record.measured(output), windowed_lattice(record, output)
@@ -55,7 +57,7 @@ def rounds_a_display(effect: BaseEffect, plant: Plant, record: Record) -> bool:
 def windowed_lattice(record: Record, output: int) -> tuple[float, int, int] | None:
     """Of an output of a record what :func:`lattice_window` finds: a step, and the ages of the runs between which readings show it."""
     ages = ages_of(record.starts, record.n_samples)
-    return lattice_window(record.measured(output), ages if record.known is None else ages[record.known[output]])
+    return lattice_window(record.measured(output), ages[record.rows_of(output)])
 
 
 def share_of_rounding(step: float, y: np.ndarray) -> float:
@@ -67,7 +69,7 @@ def names_steps(candidate: BaseCandidate) -> bool:
     """Whether an effect of a candidate is a rounding whose steps the readings show."""
     plant, record = candidate.problem.plant, candidate.problem.record
     return any(
-        effect.name == "sensor_quantization"
+        effect.name == QUANTIZATION
         and bool(shows_steps(rounded_signal(plant, record, effect), candidate.theta_of(i)[0])[0])
         for i, effect in enumerate(candidate.effects)
     )
@@ -75,17 +77,15 @@ def names_steps(candidate: BaseCandidate) -> bool:
 
 def unnamed_rounding(candidate: OdeCandidate) -> Rounding | None:
     """The coarsest grid that rounds the free run of a candidate to the readings, where nothing named does; None without one."""
-    rounded = {effect.location for effect in candidate.effects if effect.name == "sensor_quantization"}
+    rounded = {effect.location for effect in candidate.effects if effect.name == QUANTIZATION}
     record = candidate.problem.record
     found = [
-        Rounding(name, step, share_of_rounding(step, y))
+        Rounding(name, step, share_of_rounding(step, record.measured(j)))
         for j, name in enumerate(candidate.problem.plant.outputs)
-        for y, fitted in [
-            (record.measured(j), candidate.fit.y[j] if record.known is None else candidate.fit.y[j, record.known[j]])
-        ]
         if name not in rounded
-        for step in lattice_steps(y)
-        if shows_steps(y, step)[0] and is_rounded(y, fitted, step)
+        for step in lattice_steps(record.measured(j))
+        if shows_steps(record.measured(j), step)[0]
+        and is_rounded(record.measured(j), candidate.fit.y[j, record.rows_of(j)], step)
     ]
     return max(found, key=lambda one: one.share, default=None)
 

@@ -28,6 +28,7 @@ from sksurrogate.gap.results._effect_estimate import EffectEstimate
 from sksurrogate.gap.results._next_experiment import ENOUGH, NATS_THAT_SETTLE, TIED_LISTED, first_of
 from sksurrogate.gap.results._reasons import UNDECIDED
 from sksurrogate.gap.results._report_data import ReportData
+from sksurrogate.gap.results._where import place_in_words
 
 #: What to do after a diagnosis that stopped early, and with the new simulator of a command.
 AGAIN = "Run the diagnosis again: with more time, fewer candidates (effects=[...]) or more workers (n_jobs=2)."
@@ -166,7 +167,7 @@ def _unknown(report: ReportData) -> str:
     not_enough = f" {capitalised(named)} {closed}, not enough." if report.effects and closed else ""
     if report.where.location is None:
         return f"Something is missing, and these data do not show where.{not_enough}"
-    place = _place(report.where.kind, report.where.location)
+    place = place_in_words(report.where.kind, report.where.location)
     text = f"Something that is not in the catalogue is missing, most likely at {place}."
     if _may_be_a_disturbance(report):
         text = f"No effect and no law explains the gap: a large disturbance, or something that is not in the catalogue, most likely at {place}."
@@ -184,12 +185,6 @@ def sentence_of(report: ReportData) -> str:
     return " ".join(part for part in (headline(report), report.data.sentence, *_steps(report)) if part)
 
 
-def _place(kind: str | None, location: str) -> str:
-    """Where a law without a name acts."""
-    words = {"state": f"the balance of {location}", "parameter": f"the term that the parameter {location} scales"}
-    return words.get(str(kind), f"the {kind} {location}")
-
-
 def _what_remains(report: ReportData) -> str:
     """The certified law, or the likeliest place of what remains."""
     rest = report.remainder
@@ -198,7 +193,7 @@ def _what_remains(report: ReportData) -> str:
     if rest.location is None or not rest.lawful > 0:
         return ""
     driven = f", driven by {rest.variable}" if rest.variable and rest.kind != "parameter" else ""
-    return f" What remains is most likely at {_place(rest.kind, rest.location)}{driven}."
+    return f" What remains is most likely at {place_in_words(rest.kind, rest.location)}{driven}."
 
 
 def _with_law(report: ReportData) -> str:

@@ -24,7 +24,7 @@ font-size:.75em;vertical-align:.12em}
 .skgap .steps{padding-left:1.3em;margin:.3em 0}.skgap .steps li{margin:.2em 0}
 .skgap .card{background:var(--card);border-radius:.5em;padding:.7em 1em;margin:.8em 0}
 .skgap .grid{display:grid;grid-template-columns:repeat(auto-fill,minmax(17.5em,1fr));gap:.9em}
-.skgap .grid figure{margin:0}.skgap .two{display:grid;grid-template-columns:repeat(auto-fit,minmax(20em,1fr));gap:0 2em}
+.skgap .grid figure{margin:0}
 .skgap .scroll{overflow-x:auto}.skgap table{border-collapse:collapse;font-size:.9em}
 .skgap th,.skgap td{padding:.22em .9em .22em 0;border-bottom:1px solid var(--rule);text-align:left;vertical-align:top;
 overflow-wrap:normal;white-space:nowrap}

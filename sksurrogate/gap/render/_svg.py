@@ -94,7 +94,7 @@ def figure(panels: Sequence[Panel], xlabel: str, title: str, width: int = 480) -
         top += _LABEL + (_LEGEND if legend else 0) + panel.height + 8
     height = top + _BOTTOM
     axis = "".join(
-        f'<text class="xt" x="{_LEFT + inner * (v - x_low) / max(x_high - x_low, 1e-300):.1f}" y="{top + 12}" '
+        f'<text x="{_LEFT + inner * (v - x_low) / max(x_high - x_low, 1e-300):.1f}" y="{top + 12}" '
         f'text-anchor="middle">{_number(v)}</text>'
         for v in ticks(x_low, x_high)
     )

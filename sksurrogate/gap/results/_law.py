@@ -11,6 +11,7 @@ import numpy as np
 from sksurrogate.effects._forms import form_of
 from sksurrogate.effects._formula import equation_of
 from sksurrogate.exceptions import require
+from sksurrogate.gap.results._where import place_in_words
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,9 +100,7 @@ class Law:
     @property
     def place(self) -> str:
         """Where it acts, in words."""
-        if self.kind == "state":
-            return f"the balance of {self.location}"
-        return f"the {'sensor' if self.kind == 'output' else self.kind} {self.location}"
+        return place_in_words(self.kind, self.location)
 
     def sympy(self) -> Any:
         """The formula as an expression of sympy (extra ``sympy``); signals are real symbols of their names.

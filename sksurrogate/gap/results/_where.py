@@ -7,6 +7,20 @@ from dataclasses import dataclass
 from sksurrogate.gap.results._table import EMPTY, Table
 
 
+def place_in_words(kind: str | None, location: str) -> str:
+    """Where something acts, for a sentence.
+
+    >>> place_in_words("state", "speed"), place_in_words("output", "y"), place_in_words("input", "u")
+    ('the balance of speed', 'the sensor y', 'the input u')
+    """
+    words = {
+        "state": f"the balance of {location}",
+        "output": f"the sensor {location}",
+        "parameter": f"the term that the parameter {location} scales",
+    }
+    return words.get(str(kind), f"the {kind} {location}")
+
+
 @dataclass(frozen=True)
 class Where:
     """Where the gap lies.

@@ -93,10 +93,10 @@ def _at_the_noise(pipeline: DiagnosisPipeline[Any], run: np.ndarray) -> np.ndarr
     """Runs in which the simulator alone is at the noise in every output."""
     null = pipeline.null.candidate
     squares = null.without_starts(null.residual[None])[0] ** 2  # in units of the noise
-    known = null.problem.record.known
+    seen = null.problem.record.seen(np.ones_like(squares))
     found = []
     for r in np.unique(run):
-        counts = np.full(len(squares), float(np.sum(run == r))) if known is None else known[:, run == r].sum(axis=1)
+        counts = seen[:, run == r].sum(axis=1)
         left = np.sqrt(squares[:, run == r].sum(axis=1) / np.maximum(counts, 1))
         if np.all(left < AT_THE_NOISE + BEYOND_CHANCE / np.sqrt(2.0 * np.maximum(counts, 1))) and np.any(counts):
             found.append(r)

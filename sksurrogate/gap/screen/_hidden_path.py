@@ -6,6 +6,7 @@ import numpy as np
 
 from sksurrogate.effects._families import HiddenEffect
 from sksurrogate.effects._model import AugmentedModel
+from sksurrogate.gap.fit._pushes import at_end
 from sksurrogate.kernels.banded import recursion_band, solve_recursion
 from sksurrogate.kernels.integrate import rk4
 
@@ -68,11 +69,8 @@ def _driver(model: AugmentedModel, x: np.ndarray) -> tuple[np.ndarray, np.ndarra
     record, n_sub = model.record, model.n_sub
     drivers = model.wires[-1].drivers
     v = np.prod([(x if is_state else record.u)[place] for is_state, place in drivers], axis=0)
-    ends = np.r_[record.starts[1:], record.n_samples] - 1
-    later = np.r_[v[1:], v[-1]]
-    later[ends] = v[ends]
     moves = drivers[0][0] or record.order_of_inputs(model.plant.hold)
-    change = later - v if moves else np.zeros_like(v)  # an input is held
+    change = at_end(record, v[None])[0] - v if moves else np.zeros_like(v)  # an input is held
     share = (np.arange(n_sub) + 0.5)[:, None] / n_sub
     mean = (v + share * change)[:, None, None]
     half = np.broadcast_to(change / (2 * n_sub), (n_sub, len(v)))[:, None, None]

@@ -25,11 +25,10 @@ from sksurrogate.effects._parameter import ParameterError, ParameterStep, consta
 from sksurrogate.effects._wires import beside
 from sksurrogate.gap.fit._normal_equations import project_starts
 from sksurrogate.gap.fit._ode import OdeCandidate
-from sksurrogate.gap.fit._pushes import a_sample_later
 from sksurrogate.gap.screen._held_forces import HeldForce, following
 from sksurrogate.gap.screen._hidden_path import hidden_paths
 from sksurrogate.gap.screen._sticking import slowed, sticks
-from sksurrogate.kernels.banded import solve_recursion
+from sksurrogate.kernels.banded import a_sample_later, solve_recursion
 from sksurrogate.kernels.limited import limited_recursion
 from sksurrogate.kernels.linearised import linearise
 from sksurrogate.kernels.smoother import output_jacobian
@@ -110,7 +109,7 @@ class Responses:
         """Change of the measured outputs for every start (n_parameters, n_starts): (n_outputs, n_starts, n_samples); trajectories."""
         if effect.settled_form is not effect:  # a memory in motion is seen as one at rest
             return self.columns(effect.settled_form, starts)
-        problem, theta = self.problem, self.theta_with(starts)
+        problem, theta = self.problem, np.stack([self.base.theta_with(start) for start in starts.T], axis=1)
         model = problem.augmented((*self.base.effects, effect))
         paths = self.paths(effect, model, starts)
         direct = self.acts_at_once(effect, model)
@@ -125,11 +124,6 @@ class Responses:
         if direct:
             out += model.bind(theta).outputs(np.repeat(self.lin.x[:, None], starts.shape[1], axis=1)) - self.y
         return problem.record.seen_of(out), paths
-
-    def theta_with(self, starts: np.ndarray) -> np.ndarray:
-        """Parameters of the base with those of one effect more (n_theta, n_starts)."""
-        fitted, n = np.repeat(self.base.fit.theta[:, None], starts.shape[1], axis=1), self.base.n_parameters
-        return np.concatenate([fitted[:n], starts, fitted[n:]])
 
     def stepped(self, model: AugmentedModel, theta: np.ndarray, before: np.ndarray) -> np.ndarray:
         """What a model at parameters (n_theta, n_starts) changes in the next states ``before``: a step of the plant for each."""

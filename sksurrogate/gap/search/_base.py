@@ -104,11 +104,6 @@ class BaseSearch(ABC, Generic[C]):
         finally:
             self.of_signals = None
 
-    def run(self) -> Evidence[C]:
-        """The whole search."""
-        self.look_for_one()
-        return self.look_for_more()
-
     @abstractmethod
     def with_effect(self, base: C, effect: BaseEffect, values: np.ndarray, path: np.ndarray | None) -> C | None:
         """A base with one effect more, fitted in the free run from its parameters and a path; None where it runs away."""
@@ -220,11 +215,11 @@ class BaseSearch(ABC, Generic[C]):
         """What stands: the null where no name passes."""
         return self.final or self.fitted_null
 
-    def stand(self, candidate: C) -> C:
+    def stand(self, candidate: C) -> Evidence[C]:
         """What an interrupt leaves."""
         self.final = self.judged[candidate]
         self.stood[len(candidate.effects)] = candidate
-        return candidate
+        return self.final
 
     def own(self, candidate: C) -> Evidence[C] | None:
         """A candidate under its own noise, or one that it was given; None where it was looked at under that of others."""

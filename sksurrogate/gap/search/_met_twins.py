@@ -51,14 +51,14 @@ def twins_of(search: Expander, named: OdeCandidate) -> list[Twin]:
         near = (several or bool(search.problem.free)) and not search.frugal
         asked = [e for e in search.library if e.late or (distant if e.key in late else near)]
         others = [e for e in asked if e.key not in named.keys]
-        found = twins(named, others, search.guess(named), most_left(named))
+        found = twins(named, others, search.guess(named), about_as_much(named.fit.cost))
         search.last_twins = named, sorted(found, key=lambda twin: twin.left)
     return search.last_twins[1]
 
 
-def most_left(named: OdeCandidate) -> float:
-    """The cost at which an effect still does about what some of a set do."""
-    return ABOUT * named.fit.cost + 50.0 * EQUAL
+def about_as_much(cost: float) -> float:
+    """The cost up to which a set leaves about as much as one of this cost."""
+    return ABOUT * cost + 50.0 * EQUAL
 
 
 def with_twin(search: Expander, named: OdeCandidate, twin: Twin) -> OdeCandidate | None:
@@ -69,7 +69,7 @@ def with_twin(search: Expander, named: OdeCandidate, twin: Twin) -> OdeCandidate
     rest, values = named.without_effect(*twin.places)
     n = len(values) - len(search.problem.free)
     start = np.concatenate([values[:n], twin.theta, values[n:]])
-    one = named.problem.fit((*rest, twin.effect), start, named.states, open_steps=0, best=most_left(named))
+    one = named.problem.fit((*rest, twin.effect), start, named.states, open_steps=0, best=about_as_much(named.fit.cost))
     if one is None or not search.plausible(one):
         return None
     search.remember([one])
@@ -85,7 +85,7 @@ def _stand_instead(search: Expander, one: OdeCandidate) -> Evidence[OdeCandidate
     """What stands in the end where a set with a twin takes the place: the other names were chosen beside those that are gone."""
     search.later_asked.pop(one.effects[-1].key, None)
     chosen = search.polish(one)
-    return met_twins(search, search.judged[search.stand(search.swap(chosen) if len(chosen.effects) > 1 else chosen)])
+    return met_twins(search, search.stand(search.swap(chosen) if len(chosen.effects) > 1 else chosen))
 
 
 def _may_be_likelier(search: Expander, named: OdeCandidate, twin: Twin) -> bool:

@@ -67,8 +67,13 @@ def drivers(effect: BaseEffect) -> frozenset[str]:
     """
     if effect.variable:
         return frozenset(effect.variable.split("*"))
-    timed = any(parameter.name in CLOCKS for parameter in effect.parameters)
-    return frozenset() if timed or effect.kind not in ("input", "output") else frozenset([str(effect.location)])
+    at_a_signal = effect.kind in ("input", "output") and not has_a_clock(effect)
+    return frozenset([str(effect.location)] if at_a_signal else [])
+
+
+def has_a_clock(effect: BaseEffect) -> bool:
+    """Whether an effect changes with the time, whatever the signals do."""
+    return any(parameter.name in CLOCKS for parameter in effect.parameters)
 
 
 def may_be_of(effect: BaseEffect, signals: Collection[str]) -> bool:
@@ -79,8 +84,7 @@ def may_be_of(effect: BaseEffect, signals: Collection[str]) -> bool:
     >>> may_be_of(friction, {"v"}), may_be_of(friction, {"u"}), may_be_of(step, {"v"}), may_be_of(bias, {"v"})
     (True, False, False, True)
     """
-    timed = any(parameter.name in CLOCKS for parameter in effect.parameters)
-    return not timed and (isinstance(effect, (InputBias, SensorBias)) or drivers(effect) <= set(signals))
+    return not has_a_clock(effect) and (isinstance(effect, (InputBias, SensorBias)) or drivers(effect) <= set(signals))
 
 
 def driven_alike(one: BaseEffect, other: BaseEffect) -> bool:

@@ -10,6 +10,7 @@ import numpy as np
 
 from sksurrogate.effects._base_effect import BaseEffect
 from sksurrogate.effects._law import AnyLaw
+from sksurrogate.effects._smooth import KINK_SHARPNESS
 from sksurrogate.effects._whole_step import has_own_steps
 from sksurrogate.gap.fit._closeness import MOST_LEFT, SETTLED
 from sksurrogate.gap.fit._evidence import Evidence, follow_null
@@ -18,7 +19,7 @@ from sksurrogate.gap.fit._prior import prior_cost
 from sksurrogate.gap.fit._probe import probe_of
 from sksurrogate.gap.screen._screen import screen
 from sksurrogate.gap.screen._shortlist import MOST_LISTED
-from sksurrogate.gap.search._base import EQUAL, Wanted
+from sksurrogate.gap.search._base import Wanted
 from sksurrogate.gap.search._expander import SEARCH_SHARPNESS, SEARCH_SUBSTEPS, Expander
 from sksurrogate.gap.search._fit_from_starts import (
     NEARER,
@@ -32,7 +33,7 @@ from sksurrogate.gap.search._fit_from_starts import (
     open_null,
 )
 from sksurrogate.gap.search._kink_width import rounded
-from sksurrogate.gap.search._met_twins import ABOUT, MOST_MET, met_twins, twins_of, with_twin
+from sksurrogate.gap.search._met_twins import MOST_MET, about_as_much, met_twins, twins_of, with_twin
 from sksurrogate.gap.search._onsets import look_for_onsets, twins_with_onset
 from sksurrogate.gap.search._related_forms import simplify
 from sksurrogate.gap.search._restart import line_searched
@@ -42,7 +43,7 @@ from sksurrogate.gap.search._stopping import is_stack
 from sksurrogate.gap.search._windowed_grids import look_for_windowed_grids
 
 #: Steps a sample and sharpness of kinks that a candidate is refined with, one after the other.
-FINER = ((SEARCH_SUBSTEPS, SEARCH_SHARPNESS), (8, 500.0))
+FINER = ((SEARCH_SUBSTEPS, SEARCH_SHARPNESS), (8, KINK_SHARPNESS))
 
 
 @dataclass(eq=False)
@@ -64,7 +65,7 @@ class OdeSearch(Expander):
         return tuple(name for name in self.problem.plant.states if name not in self.problem.balances)
 
     def prior_cost(self, candidate: OdeCandidate) -> float:
-        """Of the free parameters, of steps of quantisation and of the initial states."""
+        """Of the free parameters, of steps of quantisation, of a fitted width of kinks and of the initial states."""
         return prior_cost(candidate)
 
     def not_shown(self, candidate: OdeCandidate) -> list[BaseEffect]:
@@ -116,7 +117,7 @@ class OdeSearch(Expander):
         for one in self.ranked(alone, null):
             if not self.passes(found.candidate, one, True):
                 del self.later_asked[one.effects[0].key]
-                return self.judged[self.stand(self.polish(one))]
+                return self.stand(self.polish(one))
         return found
 
     def paired_with_late(self, found: Evidence[OdeCandidate]) -> Evidence[OdeCandidate]:
@@ -136,7 +137,7 @@ class OdeSearch(Expander):
         if chosen is named or self.passes(named, chosen, True):
             self.later_asked = left_for_later  # they may still be asked beside what stands
             return found
-        return self.judged[self.stand(chosen)]
+        return self.stand(chosen)
 
     def singles(self, null: OdeCandidate) -> list[OdeCandidate]:
         """The null with one effect; those left for later too that are expected to close most of what the best of the others leaves."""
@@ -240,5 +241,5 @@ class OdeSearch(Expander):
         mine = [one.fit.cost for one in nearest if one.effects[-1].key == final.effects[i].key]
         same_numerics = self.searching(base).numerics == named.problem.numerics
         reach = (min if same_numerics else max)([final.fit.cost, *mine])
-        near = [one for one in nearest if one.fit.cost <= ABOUT * reach + 50.0 * EQUAL]
+        near = [one for one in nearest if one.fit.cost <= about_as_much(reach)]
         return near if same_numerics else [one.resumed(named.problem) or one for one in near]

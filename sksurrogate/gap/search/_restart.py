@@ -6,9 +6,8 @@ import numpy as np
 
 from sksurrogate.effects._onset import Starting
 from sksurrogate.gap.fit._ode import OdeCandidate
-from sksurrogate.gap.fit._pushes import a_sample_later
 from sksurrogate.gap.fit._rounding import alike
-from sksurrogate.kernels.banded import recursion_band, solve_recursion
+from sksurrogate.kernels.banded import a_sample_later, recursion_band, solve_recursion
 from sksurrogate.kernels.linear_fit import linear_least_squares
 
 #: Values nearby that are fitted, best first.

@@ -88,31 +88,42 @@ class SetSearch(SetMoves[C]):
         while len(best.effects) < MOST_EFFECTS:
             far = passed and len(best.effects) > 1 and self.is_far(best)
             if far and closes_by_size(self.judged[best], self.tolerated_cost):
-                # Of one name a second may show that it was the wrong one. A flexible form follows a part of what another effect does,
-                # and leaves less than the right forms do until that one is beside them.
-                as_near = with_fewer_parameters(self, best, hardly_more(best.fit.cost, self.gap_cost))
-                fewest, n = self.polish(as_near[0]) if as_near else best, MOST_EFFECTS - len(best.effects)
-                leaner = with_fewer_parameters(self, best, self.tolerated_cost)[:MOST_LEANER]
-                leading = next((one for one in dict.fromkeys((fewest, best, *leaner)) if self.leads_on(one, n)), None)
-                best = self.stand(leading or fewest)
-                if leading is None:
+                best, leads = self.leanest_that_leads_on(best)
+                if not leads:
                     break
-            # Several parts of one function are an expansion of it, unless the next leads to the noise.
-            expands = self.of_signals is not None and len(best.effects) > 1 and not self.leads_on(best, 1)
-            if expands or (self.is_far(best) and not self.may_be_named(best)):
+            if not self.may_be_extended(best):
                 break
             better = (self.richer_form(best) if passed else None) or self.one_more(best, passed)
             left_behind[frozenset(best.keys)] = best.fit.cost
             # One set may beat another by likelihood and lose to it by size: a ring, unless it comes back nearer to the data.
             if better is None or better.fit.cost > COMES_BACK * left_behind.get(frozenset(better.keys), np.inf):
                 break
-            grown = passed and len(better.effects) > len(
-                best.effects
-            )  # a richer form in the place of one is no name more
+            # a richer form in the place of one is no name more
+            grown = passed and len(better.effects) > len(best.effects)
             given_up = grown and self.is_far(better) and grows_in_vain(better, best, null)
-            best, passed = self.stand(better), True
+            best, passed = self.stand(better).candidate, True
             if given_up:
                 break
+
+    def leanest_that_leads_on(self, best: C) -> tuple[C, bool]:
+        """Of a set that closes the gap up to the tolerance, and those with fewer parameters that do, one that further names lead to the
+        noise, which stands; the one with the fewest that leaves hardly more, and False, where none is.
+
+        Of one name a second may show that it was the wrong one. A flexible form follows a part of what another effect does, and leaves
+        less than the right forms do until that one is beside them.
+        """
+        as_near = with_fewer_parameters(self, best, hardly_more(best.fit.cost, self.gap_cost))
+        fewest, n = self.polish(as_near[0]) if as_near else best, MOST_EFFECTS - len(best.effects)
+        leaner = with_fewer_parameters(self, best, self.tolerated_cost)[:MOST_LEANER]
+        leading = next((one for one in dict.fromkeys((fewest, best, *leaner)) if self.leads_on(one, n)), None)
+        return self.stand(leading or fewest).candidate, leading is not None
+
+    def may_be_extended(self, best: C) -> bool:
+        """Whether further names may be beside a set: far from the data they must close as much as names must, and several parts of one
+        function are an expansion of it, unless the next leads to the noise."""
+        if self.of_signals is not None and len(best.effects) > 1 and not self.leads_on(best, 1):
+            return False
+        return not self.is_far(best) or self.may_be_named(best)
 
     def richer_form(self, best: C) -> C | None:
         """The set with a richer form in the place of one effect; None where none is worth its parameters.

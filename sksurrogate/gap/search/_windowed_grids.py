@@ -6,13 +6,10 @@ import numpy as np
 
 from sksurrogate.effects._base_effect import BaseEffect
 from sksurrogate.effects._onset import starting
-from sksurrogate.gap.fit._rounding import windowed_lattice
+from sksurrogate.gap.fit._rounding import QUANTIZATION, windowed_lattice
 from sksurrogate.gap.search._expander import Expander
 from sksurrogate.gap.search._fit_from_starts import fit_given
 from sksurrogate.kernels.record import Record
-
-#: What rounds readings.
-QUANTIZATION = "sensor_quantization"
 
 
 def windowed_grid(effect: BaseEffect, record: Record, output: int) -> tuple[BaseEffect, np.ndarray] | None:

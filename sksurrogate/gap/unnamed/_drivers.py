@@ -10,8 +10,9 @@ import numpy as np
 from sksurrogate.effects._formula import Term, signal_names
 from sksurrogate.effects._law import AnyLaw, LawEffect, law_effect
 from sksurrogate.gap.fit._ode import OdeCandidate
+from sksurrogate.gap.fit._pushes import at_end
 from sksurrogate.gap.unnamed._channel import Channel
-from sksurrogate.gap.unnamed._law_shapes import at_end, filtered, varies
+from sksurrogate.gap.unnamed._law_shapes import filtered, varies
 from sksurrogate.kernels.record import Record
 
 #: Time constants of the recent past, in samples, and the share of the longest run up to which they are tried.

@@ -24,10 +24,15 @@ class LawLeft:
     left: float = 1.0  #: RMS over the noise that names and law leave of the data, to first order
 
     @property
+    def signal(self) -> str:
+        """What the law is a function of: a signal, or two as a product, now or before."""
+        return self.variable.removesuffix(AND_ITS_PAST)
+
+    @property
     def signals(self) -> frozenset[str]:
         """Signals of the law, now or before.
 
         >>> sorted(LawLeft("level", "state", "level*pump").signals), LawLeft("level", "state", "level and its past").signals
         (['level', 'pump'], frozenset({'level'}))
         """
-        return frozenset(self.variable.removesuffix(AND_ITS_PAST).split("*"))
+        return frozenset(self.signal.split("*"))

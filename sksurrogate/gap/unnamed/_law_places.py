@@ -53,7 +53,7 @@ def in_all_places(base: OdeCandidate) -> Iterator[PlacedSignal]:
     problem, D = base.problem, base.disturbance
     plant, record = problem.plant, problem.record
     moved = partial(response, D)
-    x = base.fit.x[: len(plant.states)]
+    x = base.states
     signals, names = np.concatenate([x, record.u]), [*plant.states, *plant.inputs]
     held = set() if record.order_of_inputs(plant.hold) else set(plant.inputs)
     raw = list(laws(record, signals, names, plant.inputs))

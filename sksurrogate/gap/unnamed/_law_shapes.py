@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sksurrogate.effects._formula import SHAPES
+from sksurrogate.gap.fit._pushes import at_end
 from sksurrogate.kernels.banded import first_order_scan
 from sksurrogate.kernels.record import Record
 from sksurrogate.kernels.signals import hold, play, rate_limit
@@ -162,14 +163,6 @@ def surfaces(record: Record, signals: np.ndarray, names: Sequence[str], held: Co
 def over_sample(record: Record, f: np.ndarray) -> np.ndarray:
     """Means of functions (n_functions, n_samples) over each sample, by their values at its ends; the last of a run stands."""
     return 0.5 * (f + at_end(record, f))
-
-
-def at_end(record: Record, f: np.ndarray) -> np.ndarray:
-    """Values (n_functions, n_samples) at the end of each sample; the last of a run stands."""
-    out = np.roll(f, -1, axis=1)
-    last = record.starts + record.lengths - 1
-    out[:, last] = f[:, last]
-    return out
 
 
 def varies(z: np.ndarray) -> bool:

@@ -15,7 +15,6 @@ from sksurrogate.gap.unnamed._channel import Place, fit_signal
 from sksurrogate.gap.unnamed._channels import Channels
 from sksurrogate.gap.unnamed._law_left import LawLeft
 from sksurrogate.gap.unnamed._law_places import push_at, size_at
-from sksurrogate.gap.unnamed._law_shapes import AND_ITS_PAST
 from sksurrogate.gap.unnamed._smoothed_path import paths
 
 #: Places that are compared by the law that fits there.
@@ -41,12 +40,12 @@ def place_of_law(law: LawLeft | None, found: Sequence[Place], inputs: Sequence[s
     """Location and kind of a law that is certain; of one of an input in the balance that it pushes, the input."""
     if law is None or law.gain < CERTAIN:
         return None
-    signal = law.variable.removesuffix(AND_ITS_PAST)
-    if signal in inputs and any(
-        (place.location, place.kind) == (signal, "input") and place.to_the_data == (law.location, law.kind)
-        for place in found
-    ):
-        return signal, "input"
+    own = law.signal, "input"
+    at_the_input = (
+        (place.location, place.kind) == own for place in found if place.to_the_data == (law.location, law.kind)
+    )
+    if law.signal in inputs and any(at_the_input):
+        return own
     return law.location, law.kind
 
 

@@ -94,8 +94,9 @@ def _explained(channel: Channel, phi: np.ndarray, J: np.ndarray, whole: np.ndarr
     total = grams.sum(axis=0)
     fold_of_row = fold[channel.record.run_of_row]
     r = channel.r.copy()
-    for k in np.unique(fold):
-        train = total - grams[fold == k].sum(axis=0) if len(np.unique(fold)) > 1 else total
+    folds = np.unique(fold)
+    for k in folds:
+        train = total - grams[fold == k].sum(axis=0) if len(folds) > 1 else total
         H = train[1:, 1:] + 1e-6 * np.trace(train[1:, 1:]) / len(phi) * np.eye(len(phi))
         c = solve(H, train[1:, 0])
         rows = fold_of_row == k

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from sklearn.tree import DecisionTreeRegressor
 
-from sksurrogate.gap.results._table import Table
+from sksurrogate.gap.results._table import EMPTY, Table
 from sksurrogate.kernels.record import Record
 
 #: Share of the size of the force that a tree must explain on the other half of the runs before regions are named, and
@@ -30,7 +30,7 @@ def regions(record: Record, signals: Mapping[str, np.ndarray], w: np.ndarray) ->
     """
     Z, size = np.stack(list(signals.values()), axis=1), np.abs(w)
     if not np.any(size > 0):
-        return Table()
+        return EMPTY
     grow = _half(record)
     best, gain = None, LEAST_GAIN
     for leaves in LEAVES:

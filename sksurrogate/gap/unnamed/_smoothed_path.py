@@ -46,9 +46,9 @@ def paths(candidate: OdeCandidate, *problems: OdeBackend) -> Iterator[np.ndarray
     if not np.max(away) < RUN_AWAY and problem.run is not None:
         guess = measured_guess(problem.plant, record, problem.run)
         start = settle_hidden(candidate.model, fit.theta, np.concatenate([guess, fit.x[len(guess) :]]))
-    for problem in problems:
+    for giving_way in problems:
         try:
-            yield problem.smooth(candidate.model, fit.theta, start).x
+            yield giving_way.smooth(candidate.model, fit.theta, start).x
         except (FloatingPointError, np.linalg.LinAlgError):
             continue
     yield fit.x

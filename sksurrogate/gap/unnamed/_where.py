@@ -10,7 +10,7 @@ from scipy.special import softmax
 
 from sksurrogate.gap.results._effect_estimate import EffectEstimate
 from sksurrogate.gap.results._shrink import Shrink
-from sksurrogate.gap.results._table import Table
+from sksurrogate.gap.results._table import EMPTY, Table
 from sksurrogate.gap.unnamed._channel import Place
 from sksurrogate.kernels.record import Record, bridged
 
@@ -46,7 +46,7 @@ def by_location(found: Sequence[Place], named: Sequence[tuple[str, str, float]] 
     ``named``: of the named effects.
     """
     if not found:
-        return Table()
+        return EMPTY
     value = np.array([place.log_likelihood for place in found])
     evidence = {(p.location, p.kind): float(v - value.min()) for p, v in zip(found, value)}
     share = dict(zip(evidence, softmax(value).tolist()))
@@ -69,7 +69,7 @@ def by_frequency(record: Record, before: np.ndarray, floor: np.ndarray) -> Table
         error = bridged(error, record.known, record.starts)
     longest = int(min(LONGEST_PIECE, record.lengths.min()))
     if longest < SHORTEST_PIECE:
-        return Table()
+        return EMPTY
     total, frequency = 0.0, np.zeros(0)
     for a, n in zip(record.starts, record.lengths):
         frequency, density = welch(error[:, a : a + n], fs=1.0 / record.dt, nperseg=longest, detrend=False, axis=1)
