@@ -111,11 +111,11 @@ def test_the_simplest_member_of_a_class_stands(named, other, same, known, stands
         SimpleNamespace(effects=[effect]) if known else None,
     )
     search = SimpleNamespace(positions=(), is_far=lambda candidate: False, gap_cost=1e3, tolerated_cost=10.0)
-    final = SimpleNamespace(candidate=None, fit=SimpleNamespace(cost=1.0))
+    final = SimpleNamespace(candidate=None, effects=[effect], fit=SimpleNamespace(cost=1.0))
     found = _first_twin(search, final, its_class, effect)
     assert (found is not None and found.effect is twin) == stands
     if not same:  # a simpler one that leaves much more does not stand, as likely as it may be beside a law
-        final = SimpleNamespace(candidate=None, fit=SimpleNamespace(cost=0.2))
+        final = SimpleNamespace(candidate=None, effects=[effect], fit=SimpleNamespace(cost=0.2))
         assert _first_twin(search, final, its_class, effect) is None
 
 
@@ -126,5 +126,36 @@ def test_far_from_the_data_a_simpler_member_leaves_hardly_more_or_what_is_tolera
     search = SimpleNamespace(positions=(), is_far=lambda one: True, gap_cost=1000.0, tolerated_cost=100.0)
     twin = Twin(SimpleNamespace(effects=[late], fit=SimpleNamespace(cost=cost)), False)
     its_class = EquivalenceClass(0, [twin], SimpleNamespace(effects=[slow]))
-    final = SimpleNamespace(candidate=None, fit=SimpleNamespace(cost=2000.0 if cost > 1000.0 else 90.0))
+    final = SimpleNamespace(candidate=None, effects=[slow], fit=SimpleNamespace(cost=2000.0 if cost > 1000.0 else 90.0))
     assert (_first_twin(search, final, its_class, slow) is twin) == stands
+
+
+@pytest.mark.parametrize(
+    ("beside", "named", "other", "stands"),
+    [
+        (
+            "sensor_nonlinearity",
+            "input_gain",
+            "sensor_gain",
+            True,
+        ),  # gain and bend of one sensor are one characteristic
+        ("sensor_nonlinearity", "sensor_gain", "input_gain", False),
+        ("sensor_delay", "sensor_gain", "input_gain", True),  # a delay is no part of it: what comes first stands
+        ("sensor_nonlinearity", "sensor_gain", "bilinear", False),
+    ],
+)
+def test_what_makes_one_characteristic_with_another_name_stands(beside, named, other, stands):
+    """A detector with stray light bends, and its gain is off; the gain of the pump would predict the same."""
+
+    def at_its_place(name):
+        return CATALOGUE[name](*(["c", "c*flow"] if name == "bilinear" else ["feed" if "input" in name else "A"]))
+
+    first, own, twin = map(at_its_place, (beside, named, other))
+    its_class = EquivalenceClass(
+        1,
+        [Twin(SimpleNamespace(effects=[first, twin], fit=SimpleNamespace(cost=1.0)), True)],
+        SimpleNamespace(effects=[first, own]),
+    )
+    search = SimpleNamespace(positions=(), is_far=lambda candidate: False, gap_cost=1e3, tolerated_cost=10.0)
+    final = SimpleNamespace(candidate=None, effects=[first, own], fit=SimpleNamespace(cost=1.0))
+    assert (_first_twin(search, final, its_class, own) is not None) == stands

@@ -16,20 +16,31 @@ def a_set(*names, cost):
 
 
 @pytest.mark.parametrize(
-    ("lag_is", "without", "stands"), [(5.0, 432.0, ("grid", "lag")), (-50.0, 432.0, ("grid",)), (5.0, 50.0, ("grid",))]
+    ("lag_is", "without", "not_shown", "stands"),
+    [
+        (5.0, 432.0, None, ("grid", "lag")),
+        (-50.0, 432.0, None, ("grid",)),
+        (5.0, 50.0, None, ("grid",)),
+        (5.0, 432.0, "lag", ("grid",)),
+        (-50.0, 432.0, "grid", ()),
+    ],
 )
-def test_what_does_most_of_the_same_takes_its_place(monkeypatch, lag_is, without, stands):
+def test_what_does_most_of_the_same_takes_its_place(monkeypatch, lag_is, without, not_shown, stands):
     """A heater's step on a sensor's grid: a mode from any start does what the lag does, and its interval holds 0.
 
-    What only corrects a form is taken out."""
+    What only corrects a form is taken out. What a finer fit, or one without another effect, moves to where no data show it, does not
+    stand (a mode beside a delay, to above the frequency of the samples)."""
     mode, lag, grid = a_set("grid", "mode", cost=14.3), a_set("grid", "lag", cost=17.9), a_set("grid", cost=without)
+    unseen = {"lag": lag, "grid": grid, None: None}[not_shown]
     nets = {id(mode): 0.0, id(lag): lag_is, id(grid): -700.0}
     known = {id(one): Contender(nets[id(one)], -5.0, one, LAW) for one in (mode, lag, grid)}
     evidence = {
         id(one): SimpleNamespace(candidate=one, effects=one.effects, left=3.4, fit=one.fit) for one in (mode, lag, grid)
     }
     search = SimpleNamespace(
-        stood={}, tolerated_cost=100.0, gap_cost=1e4, stand=lambda one: evidence[id(one)], polish=lambda one: one, without=lambda one, i: grid
+        stood={}, fitted_null=SimpleNamespace(candidate=a_set(cost=1e4), effects=()), tolerated_cost=100.0, gap_cost=1e4,
+        stand=lambda one: evidence[id(one)], polish=lambda one: one, without=lambda one, i: grid,
+        plausible=lambda one: one is not unseen,
     )  # fmt: skip
     patched = {
         "needed_only": lambda search, final: final,

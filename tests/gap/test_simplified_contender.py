@@ -24,7 +24,7 @@ def test_a_mode_that_does_not_ring_does_not_take_the_place_of_the_relaxation_tha
     }
     stood = []
     search = SimpleNamespace(
-        tolerated_cost=0.0, gap_cost=1e6, polish=lambda one: one, stand=lambda one: stood.append(one) or evidence[id(one)]
+        tolerated_cost=0.0, gap_cost=1e6, polish=lambda one: one, plausible=lambda one: True, stand=lambda one: stood.append(one) or evidence[id(one)]
     )  # fmt: skip
     patched = {
         "needed_only": lambda search, final: final,

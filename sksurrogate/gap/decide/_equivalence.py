@@ -19,7 +19,7 @@ from sksurrogate.gap.fit._backend import BaseCandidate
 from sksurrogate.gap.fit._closeness import MOST_LEFT
 from sksurrogate.gap.fit._evidence import FEW_STEPS, C, Evidence, estimate_noise, judged_under
 from sksurrogate.gap.search._base import EQUAL, BaseSearch
-from sksurrogate.gap.search._nested import richer
+from sksurrogate.gap.search._nested import of_one_curve, richer
 from sksurrogate.gap.search._related_forms import hardly_more
 
 #: Candidates further than this under the final noise are not judged under their own; nor are more than this many.
@@ -194,24 +194,27 @@ def _first_twin(
     """The twin that comes before the named effect: an exact one, or one with fewer parameters. None where that is the first itself.
 
     One with fewer parameters must not leave much more; far from the data it must leave hardly more of the gap, or no more than the tolerance.
+    What makes one characteristic of an input or a sensor with another name comes before what acts elsewhere: one cause, not two.
     """
-    far = search.is_far(final.candidate)
+    far, beside = search.is_far(final.candidate), [effect for effect in final.effects if effect is not own]
     near = max(hardly_more(final.fit.cost, search.gap_cost), search.tolerated_cost)
     most = near if far else final.fit.cost / MOST_LEFT**2
 
-    def place(twin: Twin[C]) -> tuple[Any, ...]:
-        return rank(twin.effect, search.positions)
+    def place(effect: BaseEffect) -> tuple[Any, ...]:
+        of_itself = effect.kind not in ("input", "output") or not any(of_one_curve(effect, other) for other in beside)
+        size, *others = rank(effect, search.positions)
+        return size, of_itself, *others
 
     def is_simpler(twin: Twin[C]) -> bool:
         return len(twin.effect.parameters) < size and twin.candidate.fit.cost <= most
 
-    before, size = rank(own, search.positions), len(own.parameters)
+    before, size = place(own), len(own.parameters)
     ahead = [
         twin
         for twin in its_class.twins
-        if (twin.same and its_class.own is not None and place(twin) < before) or is_simpler(twin)
+        if (twin.same and its_class.own is not None and place(twin.effect) < before) or is_simpler(twin)
     ]
-    return min(ahead, key=place, default=None)
+    return min(ahead, key=lambda twin: place(twin.effect), default=None)
 
 
 def _beside_the_others(search: BaseSearch[C], final: Evidence[C], i: int, twin: C) -> C | None:

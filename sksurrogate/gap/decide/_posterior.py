@@ -132,9 +132,12 @@ def _likeliest(search: OdeSearch, final: Evidence, fallen: set[frozenset]) -> tu
             search.stand(final.candidate)
         else:
             fewer = search.without(final.candidate, falling)
-            if fewer is None or not fewer.effects:
+            rest = None if fewer is None or not fewer.effects else taken(search, fewer, final)
+            if rest is None or not search.plausible(
+                rest.candidate
+            ):  # fitted again, what is left may have moved to where no data show it
                 return _nothing(search, Posterior((), None, rejected=final))
-            final = taken(search, fewer, final)
+            final = rest
     return _nothing(search, Posterior((), None, too_far=tuple(map(name_of, final.effects))))
 
 
@@ -159,11 +162,13 @@ def _nothing(search: OdeSearch, why: Posterior) -> tuple[Evidence, Posterior]:
 
 
 def _best(search: OdeSearch, final: Evidence, own: Contender, others: Sequence[Contender]) -> Contender:
-    """What stands, or another set that is preferred to it and still is when it is polished."""
+    """What stands, or another set that is preferred to it and still is when it is polished, and that the data show then."""
     best = preferred(own, others)
     if best is own:
         return own
     polished = simplify(search, search.polish(best.candidate))
+    if not search.plausible(polished):
+        return _best(search, final, own, [one for one in others if one is not best])
     return preferred(own, judged_contender(search, final, polished, [own.law.name]))
 
 
