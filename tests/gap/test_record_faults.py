@@ -20,6 +20,7 @@ from sksurrogate.gap.faults._record_book import RecordBook
 from sksurrogate.gap.faults._wrong_readings import (
     _in_rows,
     _is_expected,
+    outlying,
     outlying_beside,
     outlying_rows,
     wrong_readings,
@@ -213,6 +214,18 @@ def test_outliers_that_names_only_bend_are_found_beside_the_simulator_alone(shar
     final = SimpleNamespace(candidate=model(bent), left=left, effects=("hidden_mode",))
     odd = outlying_beside(final, model(null))
     assert (odd is not None) is found and (odd is None or odd.rows.tolist() == [200, 201])
+
+
+@pytest.mark.parametrize(("moved", "faulty"), [(0.0, True), (12.0, False)])
+def test_peaks_that_another_output_shows_too_are_no_wrong_readings(moved, faulty):
+    """A coil that saturates: its current peaks for a sample or two, and the voltage of the capacitor moves with it."""
+    rng, rows = np.random.default_rng(0), [90, 91, 200, 333]
+    residual = rng.normal(size=(2, 500))
+    residual[0, rows] += 60.0
+    residual[1, rows] += moved
+    problem = SimpleNamespace(record=SimpleNamespace(starts=np.array([0, 250])), sd=np.ones(2))
+    odd = outlying(SimpleNamespace(problem=problem, residual=residual))
+    assert (odd is not None and odd.rows.tolist() == rows) == faulty
 
 
 def test_readings_out_of_reach_are_found_wherever_they_are_and_hide_no_other():

@@ -123,6 +123,8 @@ def _landing(y: np.ndarray, stretches: list[Stretch]) -> set[float]:
 OUTLYING, NEIGHBOURS_OF_OUTLIERS = 6.0, 0.35
 #: Most readings in a row, and the largest share of all, that are off by themselves.
 LONGEST_BURST, MOST_OUTLYING = 8, 0.05
+#: Times that another output may leave as much there as elsewhere (RMS): a wrong reading is one of one sensor, a peak of the plant moves others.
+SHARED = 2.0
 #: They are the reason of what is left where the rest is at the noise, or where they hold this share of its power.
 REASON = 0.5
 
@@ -163,13 +165,31 @@ def outlying_beside(final: Evidence, null: BaseCandidate) -> WrongReadings | Non
     return odd if left > MOST_LEFT**2 * alone else None
 
 
+def shared_with_others(residual: np.ndarray, j: int, rows: np.ndarray) -> bool:
+    """Whether another output than j leaves clearly more at some rows than elsewhere: then what acts there is of the plant.
+
+    ``residual`` (n_outputs, n_samples).
+
+    >>> r = np.sin(np.arange(120.0)).reshape(2, 60)
+    >>> r[0, 20] = 30.0
+    >>> alone = shared_with_others(r, 0, np.array([20]))
+    >>> r[1, 20] = 9.0
+    >>> alone, shared_with_others(r, 0, np.array([20]))
+    (False, True)
+    """
+    others = np.delete(residual, j, axis=0) ** 2
+    elsewhere = np.mean(np.delete(others, rows, axis=1), axis=1)
+    return bool(np.any(np.mean(others[:, rows], axis=1) > SHARED**2 * elsewhere))
+
+
 def outlying(model: BaseCandidate) -> WrongReadings | None:
-    """Outlying readings of one output, where they hold most of what is left there; None without any."""
+    """Outlying readings of one output alone, where they hold most of what is left there; None without any."""
     record, residual = model.problem.record, model.residual
     for j, r in enumerate(residual):
         rows = outlying_rows(r, record.starts, float(model.problem.sd[j]))
         rest = np.delete(r, rows)
         near = np.sqrt(np.mean(rest**2)) < SETTLED * model.problem.sd[j]
-        if len(rows) and (near or np.sum(r[rows] ** 2) > REASON * np.sum(r**2)):
+        most = near or np.sum(r[rows] ** 2) > REASON * np.sum(r**2)
+        if len(rows) and most and not shared_with_others(residual, j, rows):
             return WrongReadings("spikes", j, rows, float(np.max(np.abs(r[rows]))))
     return None
