@@ -20,6 +20,7 @@ from sksurrogate.exceptions import DataError, SimulatorError
 from sksurrogate.gap._begin import Task, begin_ode, begin_trajectory
 from sksurrogate.gap._progress import Progress, progress_shown
 from sksurrogate.gap._provenance import with_provenance
+from sksurrogate.gap.faults._joined_runs import say_joined_runs
 from sksurrogate.gap.fit._known_parameters import KnownParameters
 from sksurrogate.gap.render._report import GapReport
 from sksurrogate.gap.rounds._rounds import diagnosed_in_rounds
@@ -231,6 +232,7 @@ class GapDiagnoser(BaseEstimator):
         plant = recorded(plant, [run.X for run in runs])
         free = _free(self.free_params, plant.params)
         _refuse_still([run.y for run in runs], plant.outputs)
+        say_joined_runs(list(runs), plant)
         user_knows = _known(self.bounds, self.priors, plant)
         offsets, uneven, first_parts = None, False, np.arange(len(runs))
         if self.time is not None and plant.access == "rhs":

@@ -169,7 +169,7 @@ def flat_stretches(y: np.ndarray, sd: float) -> list[Stretch]:
     if n < 4 * SHORTEST_FLAT or not sd > 0:
         return []
     moved = np.abs(np.diff(y))
-    least = max(JUMP * sd, JUMP_OVER_USUAL * float(np.quantile(moved, 0.99)) if n > 400 else JUMP * sd)
+    least = _least_jump(moved, sd)
     jumps = np.flatnonzero(moved > least) + 1  # rows that a jump leads to
     exact = _equal_runs(y)
     found = []
@@ -179,6 +179,29 @@ def flat_stretches(y: np.ndarray, sd: float) -> list[Stretch]:
         if b - a >= SHORTEST_FLAT and max(into, out_of) > least and b - a <= n // 2:
             found.append(Stretch(a, b, float(max(into, out_of))))
     return _apart(found)
+
+
+def jumps_that_stay(y: np.ndarray, sd: float) -> np.ndarray:
+    """Rows that a single jump leads to: the readings before it and behind it move little, and do not return, int (n_jumps,).
+
+    ``y`` (n_samples,), ``sd``: its white noise.
+
+    >>> y = np.sin(0.05 * np.arange(200))
+    >>> y[60], y[120:] = 5.0, y[120:] + 2.0
+    >>> jumps_that_stay(y, sd=0.01).tolist()
+    [120]
+    """
+    moved = np.abs(np.diff(y))
+    if len(moved) < 3:
+        return np.zeros(0, dtype=int)
+    beside = np.maximum(moved[:-2], moved[2:])
+    return np.flatnonzero((moved[1:-1] > _least_jump(moved, sd)) & (moved[1:-1] > JUMP_OVER_USUAL * beside)) + 2
+
+
+def _least_jump(moved: np.ndarray, sd: float) -> float:
+    """Least size of a jump among the steps (n_samples - 1,) of an output with this noise; in a short run 1 % of the steps tell no usual one."""
+    usual = JUMP_OVER_USUAL * float(np.quantile(moved, 0.99)) if len(moved) >= 400 else 0.0
+    return max(JUMP * sd, usual)
 
 
 def out_of_reach(y: np.ndarray) -> np.ndarray:

@@ -17,6 +17,8 @@ from sksurrogate.kernels.smoother import noise_of_differences
 
 #: A simulator that moves by this share of what a reading moves by, at the same row, makes the move a thing of the plant.
 EXPECTED = 0.3
+#: Where readings stand on a grid, a jump below so many of its steps is one to the next level.
+ONE_STEP = 1.5
 #: Spikes that end at one value are dropouts from this many on.
 LEAST_DROPOUTS = 2
 
@@ -68,7 +70,7 @@ def _is_a_level(kind: str, s: Stretch, record: Record, grid: tuple[float, int, i
         return False
     step, first, last = grid
     age = s.start - record.starts[np.searchsorted(record.starts, s.start, side="right") - 1]
-    return bool(first <= age < last and (kind == "stuck" or s.size < 1.5 * step))
+    return bool(first <= age < last and (kind == "stuck" or s.size < ONE_STEP * step))
 
 
 def _in_rows(s: Stretch, rows: np.ndarray) -> Stretch:
