@@ -22,6 +22,8 @@ SUBSTEPS_OF_SHARP = 4
 #: Right-hand sides that scipy may ask for between two substeps of the inputs: what needs more diverges.
 MOST_CALLS = 20_000
 
+#: Sizes of the run before from which on a run has been led away by its own steps: its size would hide every error.
+LED_AWAY = 1e3
 #: Effects have kinks, crossed now and then: these ask for fewer substeps than their own error would.
 AT_KINKS = 1e-3
 #: Likewise a jump in time; what it leaves stays to the end of the run, so it weighs more.
@@ -106,7 +108,12 @@ def _explicit(build: Build, X0: np.ndarray, scale: np.ndarray, guess: np.ndarray
         wanted = _substeps_needed(build, bound, X, scale)
         if wanted <= bound.a.n_sub or bound.a.n_sub > MOST_SHARP_SUBSTEPS:
             return X, bound
-        bound, near = build(wanted, scale), X
+        bound, near = build(wanted, scale), near if _has_run_away(X, near) else X
+
+
+def _has_run_away(X: np.ndarray, near: np.ndarray) -> bool:
+    """Whether a run (n_states, n_samples) is too far from another one to start from: steps that are too long grow without end."""
+    return not np.max(np.abs(X) / _sizes(near)[:, None]) < LED_AWAY
 
 
 def _closed(bound: BoundModel, near: np.ndarray) -> np.ndarray | None:

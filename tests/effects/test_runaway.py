@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
-from sksurrogate.effects import AugmentedSimulator, BalanceEffect, Parameter
+from sksurrogate.effects import CATALOGUE, AugmentedSimulator, BalanceEffect, Parameter
 from sksurrogate.exceptions import SurrogateError
 from sksurrogate.physics import ODESimulator
 
@@ -31,3 +32,31 @@ def test_a_fast_one_is_followed():
     y = whistling(w).simulate(np.ones((6, 1))).ravel()
     exact = 1 - np.exp(-t) + 1e3 * (np.sin(w * t) - w * np.cos(w * t) + w * np.exp(-t)) / (1 + w**2)
     np.testing.assert_allclose(y, exact, atol=1e-3)
+
+
+@pytest.mark.parametrize(("frequency", "damping"), [(8.897, 0.04914), (8.897, 0.1), (4.0, 0.3)])
+def test_a_stable_plant_stays_with_its_exact_solution_where_two_substeps_lead_away(frequency, damping):
+    """A body with a mode that rings twice a minute, sampled every quarter: the linear system by the matrix exponential.
+
+    Steps that are too long grew to 1e66; a run that began there was called closed at 1e35.
+    """
+    dt, gain, loss, rows = 0.25, 26.07, 0.941, 300
+    body = ODESimulator(
+        lambda t, x, u, p: [u[0] - loss * x[0]],
+        states=["c"], inputs=["rate"], outputs=["c"], params={}, dt=dt,
+    )  # fmt: skip
+    U = np.full((rows, 1), 5.0)
+    U[40:42] = 60.0
+    found = AugmentedSimulator(
+        body, [CATALOGUE["hidden_mode"]("c", "c")], [{"gain": gain, "angular_frequency": frequency, "damping": damping}]
+    ).simulate(U)[:, 0]
+    A = np.zeros((4, 4))  # c, z, z', u
+    A[0] = -loss - gain, gain, 0.0, 1.0
+    A[1, 2] = 1.0
+    A[2] = frequency**2, -(frequency**2), -2 * damping * frequency, 0.0
+    step, x, exact = expm(A * dt), np.zeros(4), []
+    for u in U[:, 0]:
+        x[3] = u
+        exact.append(x[0])
+        x = step @ x
+    np.testing.assert_allclose(found, exact, atol=1e-6 * np.max(np.abs(exact)))
