@@ -111,3 +111,26 @@ def test_an_operator_knows_the_past_of_inputs_and_of_the_model_and_nothing_of_th
     known = np.array(_past(record, y, rows, 2))
     wanted = [u[0, rows - 1], u[0, rows - 2], *(y[0, rows - lag] for lag in range(1, RESIDUAL_LAGS + 1))]
     np.testing.assert_array_equal(known, [*wanted, y[0, rows - 1] * np.abs(y[0, rows - 1])])
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_few_steps_of_an_open_loop_follow_no_noise(seed):
+    """Levels that are held for 5 to 13 samples, drawn before the noise: a hundred moves cannot tell eighty lags from a controller."""
+    rng = np.random.default_rng(seed)
+    levels = np.repeat(rng.uniform(-1, 1, (2, 200)), rng.integers(5, 14, 200), axis=1)[:, :1000]
+    t = np.arange(1000) * DT
+    clean = np.cumsum(levels, axis=1) * DT
+    record = Record(levels, clean + 0.01 * rng.normal(size=clean.shape), t, np.arange(0, 1000, 200), DT)
+    assert closed_loop(record, clean, ["a", "b"]) is None
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_slow_controller_is_seen(seed):
+    """It acts in every fifth sample, by what was measured there."""
+    rng = np.random.default_rng(seed)
+    noise, y, u = 0.05 * rng.normal(size=1200), np.zeros(1200), np.zeros(1200)
+    for k in range(1, 1200):
+        y[k] = 0.9 * y[k - 1] + 0.1 * u[k - 1]
+        u[k] = 0.1 * rng.normal() - 2.0 * (y[k] + noise[k]) if k % 5 == 0 else u[k - 1]
+    record = Record(u[None], (y + noise)[None], np.arange(1200) * DT, np.array([0, 600]), DT)
+    assert closed_loop(record, y[None], ["u"]) == "u"

@@ -12,8 +12,8 @@ from sksurrogate.kernels.record import Record, ages_of
 from sksurrogate.kernels.run_columns import UNSEEN
 
 #: Lags of an input that explain its next move without the outputs: at most so many, for a profile of twenty lines foretells
-#: itself from forty, and one for so many samples; lags of the residual that must add nothing.
-INPUT_LAGS, SAMPLES_A_LAG, RESIDUAL_LAGS = 40, 25, 3
+#: itself from forty, and one for so many moves; lags of the residual that must add nothing.
+INPUT_LAGS, MOVES_A_LAG, RESIDUAL_LAGS = 40, 25, 3
 #: Share of the moves of an input that residuals must explain beyond its own past, and its size against chance.
 SHARE_FOLLOWED, FOLLOWED_AGAINST_CHANCE = 0.02, 40.0
 #: A move beyond this many times the median one is a jump of the reference.
@@ -40,14 +40,14 @@ def closed_loop(record: Record, y: np.ndarray, names: Sequence[str]) -> str | No
     ``names``: of the inputs.
     """
     age = ages_of(record.starts, record.n_samples)
-    lags = max(min(INPUT_LAGS, record.n_samples // SAMPLES_A_LAG, int(record.lengths.max()) // 4), RESIDUAL_LAGS)
-    inside = np.flatnonzero(age >= lags + 1)
     r = record.y - y
     quick = np.diff(r, axis=1, prepend=r[:, :1])  # what is slow in a residual may come from the input itself
     for i, name in enumerate(names):
         u = record.u[i]
-        moved = np.abs(u[inside] - u[inside - 1]) > 1e-9 * max(float(np.ptp(u)), 1e-300)
-        rows = inside[moved]  # where an input stands still nothing drives it
+        moves = np.abs(np.diff(u, prepend=u[:1])) > 1e-9 * max(float(np.ptp(u)), 1e-300)
+        moved = np.flatnonzero(moves & (age > 0))  # where an input stands still nothing drives it
+        lags = max(min(INPUT_LAGS, len(moved) // MOVES_A_LAG, int(record.lengths.max()) // 4), RESIDUAL_LAGS)
+        rows = moved[age[moved] >= lags + 1]
         if len(rows) < FEWEST_MOVES:
             continue
         move = u[rows] - u[rows - 1]
@@ -60,7 +60,7 @@ def closed_loop(record: Record, y: np.ndarray, names: Sequence[str]) -> str | No
         e = unexplained(own[calm], foreign[calm])
         z = left[calm] - left[calm].mean()
         share = _explained(z, unexplained(e, z))
-        beyond_chance = share * len(z) > FOLLOWED_AGAINST_CHANCE + 2.0 * foreign.shape[1]
+        beyond_chance = share * (len(z) - own.shape[1]) > FOLLOWED_AGAINST_CHANCE + 2.0 * foreign.shape[1]
         if share > SHARE_FOLLOWED and beyond_chance and _in_every_part(e, z, share):
             return name
     return None
