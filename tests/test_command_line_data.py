@@ -251,8 +251,9 @@ def test_swapped_columns_are_suspected_and_others_are_not():
     Y = plant.simulate(U) + 0.05 * rng.normal(size=(300, 2))
     names = ["a", "b"], ["q", "v"]
     assert swapped_columns(plant, U, Y, *names) == []
-    assert "the outputs 'q' and 'v' look swapped" in swapped_columns(plant, U, Y[:, ::-1], *names)[0]
-    assert "the inputs 'a' and 'b' look swapped" in swapped_columns(plant, U[:, ::-1], Y, *names)[0]
+    assert "the outputs 'q' and 'v' exchanged" in swapped_columns(plant, U, Y[:, ::-1], *names)[0]
+    assert "the inputs 'a' and 'b' exchanged" in swapped_columns(plant, U[:, ::-1], Y, *names)[0]
+    assert "with the inputs and the outputs exchanged" in swapped_columns(plant, Y, U, *names)[0]
     assert swapped_columns(plant, U, rng.normal(size=(300, 2)), *names) == []
 
 

@@ -200,7 +200,7 @@ def _right_unit(model: PlantModel, record: Record) -> Iterator[None]:
     try:
         yield
     except SimulatorError as error:
-        raise type(error)(f"{error} {other_unit(model, record).sentence}".rstrip()) from error
+        raise type(error)(f"{str(error).rstrip('.')}. {other_unit(model, record).sentence}".rstrip()) from error
 
 
 def _check_asked(plant: Plant, effects: Any, kept: list[BaseEffect]) -> None:

@@ -20,7 +20,7 @@ from sksurrogate.exceptions import DataError, SimulatorError
 from sksurrogate.gap._begin import Task, begin_ode, begin_trajectory
 from sksurrogate.gap._progress import Progress, progress_shown
 from sksurrogate.gap._provenance import with_provenance
-from sksurrogate.gap.faults._joined_runs import say_joined_runs
+from sksurrogate.gap.faults._joined_runs import SHORTEST_RUN, say_joined_runs
 from sksurrogate.gap.fit._known_parameters import KnownParameters
 from sksurrogate.gap.render._report import GapReport
 from sksurrogate.gap.rounds._rounds import diagnosed_in_rounds
@@ -225,7 +225,9 @@ class GapDiagnoser(BaseEstimator):
         inputs, clock = getattr(self.simulator, "inputs", None), self.time if isinstance(self.time, str) else None
         X, y = by_name(X, inputs, clock), by_name(y, getattr(self.simulator, "outputs", None))
         dt = getattr(self.simulator, "dt", None)
-        runs = resolve_runs(X, y, groups=groups, time=self.time, dt=dt, allow_uneven=True, unmeasured=True, min_rows=8)
+        runs = resolve_runs(
+            X, y, groups=groups, time=self.time, dt=dt, allow_uneven=True, unmeasured=True, min_rows=SHORTEST_RUN
+        )
         if runs[0].y is None:
             raise DataError("y is missing: the diagnosis compares measured outputs with the simulator's.")
         plant = describe(self.simulator, n_inputs=runs[0].X.shape[1], n_outputs=runs[0].y.shape[1], dt=runs.dt)

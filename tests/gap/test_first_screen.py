@@ -85,7 +85,7 @@ def test_an_effect_that_is_not_certain_is_named_with_its_probability():
 
 def test_an_explained_gap_that_leaves_a_disturbance_says_so():
     left = headline(report(FRICTION, reasons=Reasons("disturbance_left", "", {})))
-    assert left.endswith("What is left follows no law: a disturbance.")
+    assert left.endswith("What is left follows no law that was found.")
     assert "disturbance" not in headline(report(FRICTION, reasons=Reasons("closed", "", {})))
 
 

@@ -248,7 +248,8 @@ def room(change):
         (lambda u, y: (u + [0.0, 273.15], y), "273.15 taken from outside"),
         (lambda u, y: (u, y + 273.15), "273.15 taken from heater, air"),
         (lambda u, y: (u, y + [273.15, 0.0]), "273.15 taken from heater"),
-        (lambda u, y: (u, y[:, ::-1]), "heater and air exchanged"),
+        (lambda u, y: (u, y[:, ::-1]), "'heater' and 'air' exchanged"),
+        (lambda u, y: (y, u), "inputs and outputs exchanged"),
     ],
 )
 def test_single_columns_written_otherwise_are_found(change, words):
@@ -257,7 +258,7 @@ def test_single_columns_written_otherwise_are_found(change, words):
 
 def test_exchanged_inputs_are_found():
     U, Y = swinging()
-    assert "With torque and target exchanged the simulator alone explains 100 %" in looked_at(
+    assert "With 'torque' and 'target' exchanged the simulator alone explains 100 %" in looked_at(
         [u[:, ::-1] for u in U], Y
     )
 
@@ -309,3 +310,17 @@ def test_a_unit_stands_only_where_no_names_explain_more(explains, asked, named, 
     assert (search.standing is final) is asked
     assert bool(pipeline.access.other_unit.sentence) is not named
     assert (search.final is null) is (asked and not named)
+
+
+def test_three_outputs_in_another_order_are_found():
+    """Readings of surge, sway and yaw, written as yaw, surge and sway."""
+    rng = np.random.default_rng(3)
+    boat = ODESimulator(
+        lambda t, x, u, p: [u[0] - 0.4 * x[0], 0.3 * x[2] - 0.8 * x[1], u[1] - 1.5 * x[2]],
+        states=["surge", "sway", "yaw"], inputs=["thrust", "moment"], outputs=["surge", "sway", "yaw"], params={}, dt=0.2,
+    )  # fmt: skip
+    U = np.repeat(rng.uniform(-2, 2, (20, 2)), 10, axis=0)
+    y = boat.simulate(U)[:, [2, 0, 1]] + 0.01 * rng.normal(size=(200, 3))
+    record = Record.from_runs([U], [y], [0.2 * np.arange(200)], 0.2)
+    said = other_unit(PlantModel(describe(boat)), record).sentence
+    assert "With 'surge', 'sway', 'yaw' in the order 'sway', 'yaw', 'surge' the simulator alone explains" in said

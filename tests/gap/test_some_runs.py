@@ -96,7 +96,9 @@ def test_runs_at_the_noise_are_those_whose_residual_is(known):
     rng, run = np.random.default_rng(0), np.repeat([0, 1, 2], 200)
     residual = rng.normal(size=(2, 600))  # in units of the noise
     residual[1, run == 1] *= 3.0  # one output of one run is not
-    record = SimpleNamespace(known=None)
+    record = SimpleNamespace(
+        known=None, seen=lambda values: values if record.known is None else np.where(record.known, values, 0.0)
+    )
     if known:  # the second run is seen where it is at the noise, the third at no time
         record.known = np.ones((2, 600), bool)
         record.known[1, run == 1] = record.known[:, run == 2] = False

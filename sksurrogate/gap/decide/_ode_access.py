@@ -133,7 +133,7 @@ class OdeAccess(BaseAccess[OdeCandidate]):
     def law_left(self, final: Evidence[OdeCandidate]) -> LawLeft | None:
         return law_left_beside(self.search, final)
 
-    def begin(self) -> None:
+    def ask_for_another_unit(self) -> None:
         """Whether the record fits in another unit."""
         problem = self.search.problem
         self.other_unit = other_unit(problem.model, problem.record)

@@ -25,6 +25,8 @@ JOINED = (
 LEAST_JUMPS = 3
 #: Noise, over the deviation of its output, against which a jump is judged at least: readings of a simulator have none.
 LEAST_NOISE = 1e-3
+#: Rows of a run: fewer between two jumps are a part of the motion, as where inputs were written as outputs.
+SHORTEST_RUN = 8
 #: Rows that are listed.
 MOST_LISTED = 5
 
@@ -46,7 +48,8 @@ def say_joined_runs(runs: Sequence[Run], plant: Plant) -> None:
         moves = _largest_steps(plant, run.X)
         beyond = [jumps.rows[EXPECTED * jumps.sizes > most] for jumps, most in zip(found, moves)]
         seams = np.unique(np.concatenate(beyond))
-        if not len(seams):
+        shortest = min(np.min(np.diff([0, *rows, len(run.y)])) for rows in beyond)
+        if not len(seams) or shortest < SHORTEST_RUN:
             continue
         names = ", ".join(repr(name) for name, rows in zip(plant.outputs, beyond) if len(rows))
         listed = ", ".join(str(run.start + row) for row in seams[:MOST_LISTED])
@@ -82,11 +85,11 @@ def _jumps(y: np.ndarray) -> Jumps:
 
 
 def _largest_steps(plant: Plant, X: np.ndarray) -> np.ndarray:
-    """How far the simulator alone moves in one sample at most, (n_outputs,); 0 where it cannot be run, or runs away."""
+    """How far the simulator alone moves in one sample at most, (n_outputs,); inf where it cannot be run, 0 from where it runs away."""
     try:
         with np.errstate(all="ignore"):
             own = np.asarray(plant.simulator.simulate(X), dtype=float).reshape(len(X), -1)
     except Exception:  # the diagnosis says what is wrong with it
-        return np.zeros(len(plant.outputs))
+        return np.full(len(plant.outputs), np.inf)
     steps = np.abs(np.diff(own, axis=0))
     return np.max(np.where(np.isfinite(steps), steps, 0.0), axis=0)

@@ -5,10 +5,11 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from itertools import combinations, product
+from itertools import product
 
 import numpy as np
 
+from sksurrogate._swapped import other_orders
 from sksurrogate.gap.fit._explained import MORE_EXPLAINED, NOTHING_HELPS, OtherWriting, explained
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics._model import PlantModel
@@ -80,10 +81,12 @@ def _written_otherwise(plant: Plant, record: Record, moving: Sequence[int]) -> I
                 yield f"{verb} {name}", replace(record, y=record.y - offset * (np.arange(n) == j)[:, None])
         if n > 1 and all(warm[m:]):
             yield f"{verb} {', '.join(plant.outputs)}", replace(record, y=record.y - offset)
-    for a, b in combinations(range(len(outputs)), 2):
-        yield f"{outputs[a]} and {outputs[b]} exchanged", replace(record, y=record.y[_exchanged(n, a, b)])
-    for a, b in combinations(range(len(inputs)), 2):
-        yield f"{inputs[a]} and {inputs[b]} exchanged", record.with_inputs(record.u[_exchanged(m, a, b)])
+    for said, order in other_orders(outputs):
+        yield said, replace(record, y=record.y[[*order, *range(len(order), n)]])
+    for said, order in other_orders(inputs):
+        yield said, record.with_inputs(record.u[[*order, *range(len(order), m)]])
+    if m == n and record.known is None:
+        yield "inputs and outputs exchanged", replace(record.with_inputs(record.y), y=record.u)
 
 
 def may_differ_by(factor: float, unit: str) -> bool:
@@ -107,13 +110,6 @@ def may_be_a_temperature(unit: str) -> bool:
 def _one(n: int, i: int, factor: float) -> np.ndarray:
     """Ones (n,), and a factor at i."""
     return np.where(np.arange(n) == i, factor, 1.0)
-
-
-def _exchanged(n: int, a: int, b: int) -> np.ndarray:
-    """Numbers (n,) of columns two of which are exchanged."""
-    order = np.arange(n)
-    order[[a, b]] = b, a
-    return order
 
 
 def divided(record: Record, inputs: np.ndarray, outputs: np.ndarray) -> Record:

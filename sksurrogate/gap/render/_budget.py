@@ -26,7 +26,7 @@ _LOOKS = {
     "effect": _Kind("#", ("#0072b2", "#009e73", "#cc79a7")),
     "re-tuning": _Kind("=", ("#56b4e9",), "re-tuned parameters"),
     "unnamed law": _Kind("?", ("#e69f00",), "a law without a name"),
-    "disturbance": _Kind(".", ("#bbbbbb",), "disturbance (not repeatable)"),
+    "disturbance": _Kind(".", ("#bbbbbb",), "disturbance (follows no law found)"),
 }
 #: A share of amplitude and one of power that are nearer to each other than this pass for the same.
 _SEEN_APART = 0.05
@@ -64,7 +64,7 @@ def budget_lines(budget: Table, width: int, closed: float = np.nan, held: str = 
     Budget of the gap (shares of its power on held-out runs, 90 %)
       [###############.....]
       # 75.0 % [70.0, 80.0] friction
-      . 25.0 % [20.0, 30.0] disturbance (not repeatable)
+      . 25.0 % [20.0, 30.0] disturbance (follows no law found)
     """
     rows = listed_parts(budget)
     if not rows:

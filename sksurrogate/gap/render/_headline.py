@@ -98,7 +98,7 @@ def _verdict(report: ReportData) -> str:
         part, rest = (" in part", _what_remains(report)) if report.verdict == "partial" else ("", _disturbed(report))
         return f"The gap is explained{part} by {_named(report)}{_which_closes(report)}.{_doubtful(report)}{rest}"
     if report.reasons.rule == "other_unit":
-        return "The record seems to be written otherwise than the simulator expects: in another unit, or with columns exchanged."
+        return "The record seems to be written otherwise than the simulator expects: in another unit, or with its columns in another order."
     return _uncertain(report) if report.reasons.rule == "uncertain_names" else _unknown(report)
 
 
@@ -128,7 +128,7 @@ def _which_closes(report: ReportData) -> str:
 
 def _disturbed(report: ReportData) -> str:
     """That what an explained gap leaves is a disturbance, where it is more than the tolerance."""
-    return " What is left follows no law: a disturbance." if report.reasons.rule == "disturbance_left" else ""
+    return " What is left follows no law that was found." if report.reasons.rule == "disturbance_left" else ""
 
 
 def _doubtful(report: ReportData) -> str:
@@ -202,7 +202,8 @@ def _with_law(report: ReportData) -> str:
     if law is None:
         return ""
     what = "free curve" if law.is_curve else "law"
-    form = f" {str(law).removeprefix('curve ')}" if len(str(law)) <= LONGEST_LINE else " of missing_term.law"
+    elsewhere = " (below)" if report.provenance.command else " (report.missing_term.law)"
+    form = f" {str(law).removeprefix('curve ')}" if len(str(law)) <= LONGEST_LINE else elsewhere
     closed, several = report.shrink.fraction_law, len(report.effects) > 1
     beside, instead = (" beside them", " in their place") if several else (" beside it", " in its place")
     where = (beside if report.verdict == "partial" else instead) if report.effects else ""
@@ -314,7 +315,8 @@ def _about_the_rest(report: ReportData) -> str:
     term = report.missing_term
     if report.certified_law is not None:
         kept = "carries it" if report.provenance.include_law else "leaves it out (include_law=False)"
-        return f"Check the law of the missing term against physics; diagnoser.augmented_ {kept}."
+        where = "the simulator that --save FILE.json keeps" if report.provenance.command else "diagnoser.augmented_"
+        return f"Check the law of the missing term against physics; {where} {kept}."
     if term is not None and term.effects:
         return (
             "Compare the laws of the missing term with the catalogue: "
