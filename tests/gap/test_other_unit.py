@@ -181,6 +181,7 @@ def test_a_diagnosis_of_degrees_says_so():
     report = diagnoser.fit(np.concatenate(U), np.degrees(np.concatenate(Y)), groups=np.repeat([0, 1], 120)).report_
     assert (report.verdict, report.reasons.rule, report.effects) == ("unknown", "other_unit", [])
     assert any("from degrees to radians" in note for note in report.notes)
+    assert "Diagnose again with q1, q2 taken from degrees to radians." in report.sentence
 
 
 @pytest.mark.slow

@@ -281,7 +281,7 @@ def _steps(report: ReportData) -> list[str]:
     if _is_undecided(report):
         return [AGAIN_BY_COMMAND if report.provenance.command else AGAIN]
     if report.reasons.rule == "other_unit":
-        return ["Write dt and the data as the simulator has them (a note says what fits), and diagnose again."]
+        return [_written_right(report)]
     if report.verdict == "none":
         if report.shrink.measurable and report.shrink.before >= PRACTICAL:
             return [REPEAT]
@@ -292,6 +292,13 @@ def _steps(report: ReportData) -> list[str]:
     if report.verdict in ("partial", "unknown"):
         steps.append(_about_the_rest(report))
     return steps
+
+
+def _written_right(report: ReportData) -> str:
+    """The way of writing the record with which the simulator alone explains it, as the note on it says."""
+    notes = (note.partition(" the simulator alone explains") for note in report.notes)
+    how = next((before for before, said, _ in notes if said), "With dt and the data as the simulator has them")
+    return f"Diagnose again {how[0].lower()}{how[1:]}."
 
 
 def _to_separate(report: ReportData) -> list[str]:

@@ -71,6 +71,10 @@ def held_out(report: ReportData) -> str:
     return f"held-out {piece(report)}s"
 
 
+#: Ratio of the ends of an interval from which a value may be any, and what is said of it.
+ANY, NOT_DETERMINED = 1e6, "not determined by these data"
+
+
 def interval_text(low: float, high: float) -> str:
     """An interval in as many digits as tell its ends apart, empty where it is not known.
 
@@ -145,6 +149,9 @@ def change_of(effect: EffectEstimate, nominal: Mapping[str, float], units: Mappi
     >>> bias = EffectEstimate("sensor_bias", "level", None, 1.0, {"value": 0.5}, {"value": (0.4, 0.6)}, 1.0)
     >>> change_of(bias, {}, {"level": "cm"})
     ['value: 0.5 cm [0.4, 0.6]']
+    >>> bristles = EffectEstimate("lugre_friction", "v", "v", 1.0, {"velocity": 1e5}, {"velocity": (1e-12, 4e14)}, 1.0)
+    >>> change_of(bristles, {}, {"v": "m/s"})
+    ['velocity: not determined by these data']
     """
     before = nominal.get(effect.location)
     if before is not None and effect.name == "parameter_error" and "relative_error" in effect.params:
@@ -157,7 +164,8 @@ def change_of(effect: EffectEstimate, nominal: Mapping[str, float], units: Mappi
     for name, value in effect.params.items():
         low, high = effect.intervals.get(name, (np.nan, np.nan))
         text = quantity(value, parameter_unit(effect, name, units))
-        lines.append(f"{readable(name)}: {text} {interval_text(low, high)}".rstrip())
+        known = f"{text} {interval_text(low, high)}".rstrip()
+        lines.append(f"{readable(name)}: {NOT_DETERMINED if 0.0 < low * ANY < high else known}")
     return lines
 
 
