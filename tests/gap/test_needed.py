@@ -220,3 +220,16 @@ def test_a_curve_that_bends_otherwise_has_one_name(access):
     diagnoser = GapDiagnoser(simulator, random_state=0, n_jobs=1)
     report = diagnoser.fit(U.reshape(-1, 1), y, groups=np.repeat(np.arange(4), 180)).report_
     assert report.verdict == "explained" and [effect.name for effect in report.effects] == ["input_curve"]
+
+
+def test_what_is_left_of_a_set_begins_at_rest_where_that_is_as_likely(monkeypatch):
+    """Two lags of a transmitter: beside a delay the memory was in motion, and stood for what was taken out with it."""
+    judged, stood = [], []
+    search = SimpleNamespace(
+        judge=judged.append, polish=lambda one: f"{one}, polished", stand=lambda one: stood.append(one) or one
+    )
+    monkeypatch.setattr(_needed, "estimate_noise", lambda candidate, noise, curvature: (candidate, noise))
+    monkeypatch.setattr(_needed, "from_rest", lambda search, one: f"{one}, at rest")
+    before = SimpleNamespace(noise="noise", curvature=None)
+    assert _needed.taken(search, "lag", before) == "lag, polished, at rest"
+    assert judged == [("lag", "noise")] and stood == ["lag, polished, at rest"]

@@ -12,14 +12,18 @@ from sksurrogate.gap.decide._one_factor import parts_of_one_factor
 from sksurrogate.gap.fit._closeness import MOST_LEFT, SETTLED
 from sksurrogate.gap.fit._evidence import C, Evidence, estimate_noise
 from sksurrogate.gap.search._nested import QUANTIZERS, driven_alike, of_one_curve, of_one_law
+from sksurrogate.gap.search._related_forms import from_rest
 from sksurrogate.gap.search._set_search import COMES_BACK, SetSearch
 from sksurrogate.gap.search._stopping import STACK
 
 
 def taken(search: SetSearch[C], candidate: C, before: Evidence[C]) -> Evidence[C]:
-    """A smaller set that takes the place of another, under its own noise: that of the larger one knows less to explain."""
+    """A smaller set that takes the place of another, under its own noise: that of the larger one knows less to explain.
+
+    Its memories begin at rest where that is as likely: one in motion may have stood for what was taken out.
+    """
     search.judge(estimate_noise(candidate, before.noise, before.curvature))
-    return search.stand(search.polish(candidate))
+    return search.stand(from_rest(search, search.polish(candidate)))
 
 
 def needed_only(search: SetSearch[C], final: Evidence[C]) -> Evidence[C]:
