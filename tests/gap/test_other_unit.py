@@ -124,7 +124,7 @@ def test_a_diagnosis_says_so_in_a_note_or_in_the_error():
         report = diagnoser.fit(U, measured(), groups=RUNS).report_
         assert (report.verdict, report.reasons.rule, report.effects) == ("unknown", "other_unit", [])
         assert any("1000 times longer" in note for note in report.notes)
-        assert "another unit" in report.sentence and "Write dt" in report.sentence
+        assert "another unit" in report.sentence and "with a sample time 1000 times longer." in report.sentence
 
 
 def pendulums(t, x, u, p):
@@ -325,3 +325,21 @@ def test_three_outputs_in_another_order_are_found():
     record = Record.from_runs([U], [y], [0.2 * np.arange(200)], 0.2)
     said = other_unit(PlantModel(describe(boat)), record).sentence
     assert "With 'surge', 'sway', 'yaw' in the order 'sway', 'yaw', 'surge' the simulator alone explains" in said
+
+
+@pytest.mark.parametrize(("factor", "unit", "words"), [
+    (1e5, "bar", "pressure taken from pascal to bar"),
+    (1e5, "", None),  # of a column whose unit is not known nobody says pascal
+    (60 / (2 * np.pi), "rad/s", "pressure taken from revolutions per minute to radians per second"),
+])  # fmt: skip
+def test_pascal_and_revolutions_are_found_where_the_unit_is_known(factor, unit, words):
+    rng = np.random.default_rng(7)
+    vessel = ODESimulator(
+        lambda t, x, u, p: [0.5 * u[0] - 0.3 * x[0]],
+        states=["pressure"], inputs=["pump"], outputs=["pressure"], params={}, dt=0.5, units={"pressure": unit} if unit else None,
+    )  # fmt: skip
+    U = np.repeat(rng.uniform(1, 5, (20, 1)), 10, axis=0)
+    y = factor * (vessel.simulate(U) + 0.02 * rng.normal(size=(200, 1)))
+    record = Record.from_runs([U], [y], [0.5 * np.arange(200)], 0.5)
+    said = other_unit(PlantModel(describe(vessel)), record).sentence
+    assert (f"With {words} the simulator alone explains" in said) if words else "pascal" not in said

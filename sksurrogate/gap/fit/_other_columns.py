@@ -10,21 +10,16 @@ from itertools import product
 import numpy as np
 
 from sksurrogate._swapped import other_orders
+from sksurrogate.gap.fit._confused_units import OF_READINGS, in_words, may_differ_by
 from sksurrogate.gap.fit._explained import MORE_EXPLAINED, NOTHING_HELPS, OtherWriting, explained
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics._model import PlantModel
 from sksurrogate.physics._simulator import Plant, units_of
 
-#: What people confuse in readings: degrees and radians, thousandths, hundredths; how much larger the numbers are than the simulator's.
-DEGREES = 180.0 / np.pi
-OF_READINGS = (DEGREES, 1000.0, 100.0, 1 / DEGREES, 1 / 1000.0, 1 / 100.0)
 #: Kelvin and degrees Celsius.
 KELVIN = 273.15
-#: Units of angles, and of temperatures.
-OF_ANGLES, OF_TEMPERATURES = (
-    re.compile(r"\b(rad|deg|radians?|degrees?)\b|°(?![CFK])"),
-    re.compile(r"^(K|°?[CF]|deg ?[CFK])$"),
-)
+#: Units of temperatures.
+OF_TEMPERATURES = re.compile(r"^(K|°?[CF]|deg ?[CFK])$")
 #: Columns of a kind, inputs or outputs, of which single ones are tried: a look is a free run.
 MOST_TRIED_COLUMNS = 4
 #: In a unit so far off a column has no part in the motion; of time, or of all signals, the simulator stands still, is linear, or at its
@@ -89,15 +84,6 @@ def _written_otherwise(plant: Plant, record: Record, moving: Sequence[int]) -> I
         yield "inputs and outputs exchanged", replace(record.with_inputs(record.y), y=record.u)
 
 
-def may_differ_by(factor: float, unit: str) -> bool:
-    """Whether a column in this unit of the simulator may be written in one so much smaller: in degrees are angles alone.
-
-    >>> may_differ_by(DEGREES, "ppm"), may_differ_by(DEGREES, "rad/s"), may_differ_by(DEGREES, ""), may_differ_by(1000.0, "ppm")
-    (False, True, True, True)
-    """
-    return factor not in (DEGREES, 1 / DEGREES) or not unit or bool(OF_ANGLES.search(unit))
-
-
 def may_be_a_temperature(unit: str) -> bool:
     """Whether a column in this unit of the simulator may be written in kelvin, or in degrees Celsius.
 
@@ -115,12 +101,3 @@ def _one(n: int, i: int, factor: float) -> np.ndarray:
 def divided(record: Record, inputs: np.ndarray, outputs: np.ndarray) -> Record:
     """Signals in other units."""
     return replace(record.with_inputs(record.u / inputs[:, None]), y=record.y / outputs[:, None])
-
-
-def in_words(factor: float, names: Sequence[str]) -> str:
-    """What is done to some columns."""
-    what = ", ".join(names)
-    if factor in (DEGREES, 1 / DEGREES):
-        units = ("degrees", "radians") if factor > 1 else ("radians", "degrees")
-        return f"{what} taken from {units[0]} to {units[1]}"
-    return f"{what} divided by {factor:g}" if factor > 1 else f"{what} times {1 / factor:g}"

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from sksurrogate.gap.fit._confused_units import OF_READINGS, in_words, may_differ_by
 from sksurrogate.gap.fit._explained import (
     MORE_EXPLAINED,
     MOST_UNEXPLAINED,
@@ -14,7 +15,7 @@ from sksurrogate.gap.fit._explained import (
     explained,
     nominal_run,
 )
-from sksurrogate.gap.fit._other_columns import FAR_OFF, OF_READINGS, divided, in_words, may_differ_by, of_columns
+from sksurrogate.gap.fit._other_columns import FAR_OFF, divided, of_columns
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics._model import PlantModel
 from sksurrogate.physics._simulator import units_of
