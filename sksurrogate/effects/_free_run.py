@@ -13,7 +13,8 @@ from sksurrogate.effects._families import BalanceEffect, LimitEffect
 from sksurrogate.effects._model import BoundModel
 from sksurrogate.effects._onset import Starting
 from sksurrogate.kernels.integrate import close
-from sksurrogate.physics._free_run import TOLERANCE
+from sksurrogate.kernels.windows import run_in_windows
+from sksurrogate.physics._free_run import LONG_RUN, TOLERANCE
 
 #: Sharp kinks want many substeps; all samples take them at once, so that their cost stays small.
 MOST_SHARP_SUBSTEPS = 192
@@ -104,11 +105,17 @@ def _explicit(build: Build, X0: np.ndarray, scale: np.ndarray, guess: np.ndarray
     while True:
         X = _closed(bound, near)
         if X is None:
-            X = _march(bound, X0)
+            X = _march(bound, X0) if bound.record.lengths[0] <= LONG_RUN else _in_windows(bound, start, near)
         wanted = _substeps_needed(build, bound, X, scale)
         if wanted <= bound.a.n_sub or bound.a.n_sub > MOST_SHARP_SUBSTEPS:
             return X, bound
         bound, near = build(wanted, scale), near if _has_run_away(X, near) else X
+
+
+def _in_windows(bound: BoundModel, start: np.ndarray, near: np.ndarray) -> np.ndarray:
+    """Long free runs window by window, from initial states (n_states, n_runs); ``near``: runs that they may be near."""
+    record, known = bound.record, bool(np.all(np.isfinite(near)))
+    return run_in_windows(bound, start, record.starts, record.lengths, _sizes(near), near if known else None)
 
 
 def _has_run_away(X: np.ndarray, near: np.ndarray) -> bool:

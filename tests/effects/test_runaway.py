@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from sksurrogate.effects import CATALOGUE, AugmentedSimulator, BalanceEffect, Parameter
+from sksurrogate.effects import CATALOGUE, AugmentedSimulator, BalanceEffect, Parameter, _free_run
 from sksurrogate.exceptions import SurrogateError
 from sksurrogate.physics import ODESimulator
 
@@ -60,3 +60,33 @@ def test_a_stable_plant_stays_with_its_exact_solution_where_two_substeps_lead_aw
         exact.append(x[0])
         x = step @ x
     np.testing.assert_allclose(found, exact, atol=1e-6 * np.max(np.abs(exact)))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("effect", ["coulomb_friction", "hysteresis"])
+def test_a_long_run_in_windows_is_the_run_sample_by_sample(monkeypatch, effect):
+    cart = ODESimulator(
+        lambda t, x, u, p: [x[1], u[0] - x[0] - 0.3 * x[1]],
+        states=["x", "v"], inputs=["u"], outputs=["x"], params={}, dt=0.1,
+    )  # fmt: skip
+    values = {"coulomb_friction": {"level": 0.3}, "hysteresis": {"stiffness": 2.0, "limit": 0.2}}[effect]
+    real = AugmentedSimulator(cart, [CATALOGUE[effect]("v", "v" if effect == "coulomb_friction" else "x")], [values])
+    U = np.repeat(np.random.default_rng(0).uniform(-1, 1, 70), 15)[:, None]
+    in_windows = real.simulate(U)
+    monkeypatch.setattr(_free_run, "LONG_RUN", 10_000)
+    monkeypatch.setattr(_free_run, "_closed", lambda bound, near: None)
+    np.testing.assert_allclose(in_windows, real.simulate(U), atol=1e-8)
+
+
+@pytest.mark.slow
+def test_a_long_run_of_a_friction_takes_few_calls():
+    calls = [0]
+
+    def cart(t, x, u, p):
+        calls[0] += 1
+        return [x[1], u[0] - x[0] - 0.3 * x[1]]
+
+    plant = ODESimulator(cart, states=["x", "v"], inputs=["u"], outputs=["x"], params={}, dt=0.1)
+    U = np.repeat(np.random.default_rng(0).uniform(-1, 1, 1000), 20)[:, None]
+    AugmentedSimulator(plant, [CATALOGUE["coulomb_friction"]("v", "v")], [{"level": 0.3}]).simulate(U)
+    assert calls[0] < 20 * len(U)  # 72 a sample where the first runs are made sample by sample

@@ -137,7 +137,8 @@ def _doubtful(report: ReportData) -> str:
     if not doubtful:
         return ""
     names, it = joined([effect_text(effect) for effect in doubtful]), "it" if len(doubtful) == 1 else "them"
-    return f" Whether {names} act{'s' if len(doubtful) == 1 else ''} is uncertain: another cause may look like {it} in these data."
+    whether = "The corrected simulator is good, but whether" if report.verdict == "explained" else "Whether"
+    return f" {whether} {names} act{'s' if len(doubtful) == 1 else ''} is uncertain: another cause may look like {it} in these data."
 
 
 def _no_gap(report: ReportData) -> str:
