@@ -26,7 +26,7 @@ def test_where_a_law_stands(verdict, names, words):
 
     report = SimpleNamespace(
         traces=(),
-        provenance=SimpleNamespace(n_runs=3),
+        provenance=SimpleNamespace(n_runs=3, command=""),
         certified_law=Law(),
         shrink=SimpleNamespace(fraction_law=0.99),
         effects=[None] * names,
