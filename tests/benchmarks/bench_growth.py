@@ -158,6 +158,20 @@ def one_run(missing: str) -> Call:
     return lambda: f"{plant.simulate(U)[-1, 0]:.9g}"
 
 
+def augmented_run(rows: int) -> Call:
+    """One run of a simulator whose named friction sticks now and then."""
+    from sksurrogate.effects import CATALOGUE, AugmentedSimulator
+    from sksurrogate.physics import ODESimulator
+
+    cart = ODESimulator(
+        lambda t, x, u, p: [x[1], u[0] - x[0] - 0.3 * x[1]],
+        states=["x", "v"], inputs=["u"], outputs=["x"], params={}, dt=0.1,
+    )  # fmt: skip
+    named = AugmentedSimulator(cart, [CATALOGUE["coulomb_friction"]("v", "v")], [{"level": 0.3}])
+    U = np.repeat(np.random.default_rng(0).uniform(-1, 1, rows // 20), 20)[:, None]
+    return lambda: f"{named.simulate(U)[-1, 0]:.9g}"
+
+
 def duffing() -> Call:
     """Five parameters of two states, 4 x 500."""
     from bench_calibration import TRUE, data, ours
@@ -250,6 +264,7 @@ GROUPS: dict[str, dict[str, tuple[int, Callable[[], Call]]]] = {
         "hybrid_one_run": (0, lambda: hybrid(1, 100_000)),
         "run_spring": (0, lambda: one_run("spring")),
         "run_friction": (0, lambda: one_run("friction")),
+        "run_named_friction": (0, lambda: augmented_run(20_000)),
         "calibration_2": (0, duffing),
         "calibration_8": (0, lambda: calibration(8, 10)),
         "calibration_20": (0, lambda: calibration(20, 30)),
