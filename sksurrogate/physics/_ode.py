@@ -48,7 +48,7 @@ class ODESimulator(ParametricSimulator):
         ``U[k]`` acts on [t_k, t_k+1), or samples are joined linearly.
     method : str, default="auto"
         "auto": Runge-Kutta of order 4 with substeps chosen by their error, substeps of its own for every sample of a long run that
-            is stiff now and then, scipy's LSODA where the plant is stiff.
+        is stiff now and then, scipy's LSODA where the plant is stiff.
         "RK4" forces the first, the name of a method of :func:`scipy.integrate.solve_ivp` the last. "exact" steps a linear
         right-hand side by the matrix exponential.
     output : callable ``output(t, x, u, p)``, optional
