@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from sksurrogate.gap import EffectEstimate, GapReport
-from sksurrogate.gap.render._page import html_fragment, html_page
+from sksurrogate.gap.render._page import _unequalled, html_fragment, html_page
 from sksurrogate.gap.render._script import SCRIPT
 from sksurrogate.gap.render._svg import Line, Panel, bars, figure, limits, ticks
 from sksurrogate.gap.render._terminal import terminal_page
@@ -170,3 +170,13 @@ def test_lines_are_named_once_above_the_first_panel_that_has_them():
     ]
     assert [picture.count(">measured<") for picture in pictures] == [1, 1, 1, 0]
     assert [picture.count(">simulated<") for picture in pictures] == [0, 0, 1, 0]
+
+
+def test_of_several_effects_it_is_said_which_no_other_explains():
+    alone, tied = (
+        EffectEstimate(name, "A", None, 1.0, {}, {}, 0.5, equivalents, "No other effect of the catalogue explains these data as well.")
+        for name, equivalents in (("sensor_nonlinearity", []), ("sensor_gain", [("input_gain", "feed", None)]))
+    )  # fmt: skip
+    assert _unequalled([alone]) == '<p class="small">No other effect of the catalogue explains these data as well.</p>'
+    assert "In place of sensor nonlinearity at A: no other effect of the catalogue" in _unequalled([alone, tied])
+    assert _unequalled([tied]) == ""

@@ -13,6 +13,7 @@ from sksurrogate.gap.render._curves import curve_html, effect_html, form_of
 from sksurrogate.gap.render._headline import (
     changes,
     headline,
+    joined,
     next_steps,
     not_identified,
     related_forms,
@@ -111,9 +112,16 @@ def _named(effect: EffectEstimate, report: ReportData) -> str:
 
 
 def _unequalled(effects: Sequence[EffectEstimate]) -> str:
-    """Why no other effect explains the data as well, each reason once."""
-    alone = [effect.why for effect in effects if not effect.equivalents]
-    return "".join(f'<p class="small">{escape(why)}</p>' for why in dict.fromkeys(alone) if why)
+    """Why no other effect explains the data as well, each reason once; of several effects, of which it holds."""
+    alone: dict[str, list[str]] = {}
+    for effect in effects:
+        if effect.why and not effect.equivalents:
+            alone.setdefault(effect.why, []).append(effect_text(effect))
+    several = len(effects) > 1
+    said = (
+        f"In place of {joined(names)}: {why[0].lower()}{why[1:]}" if several else why for why, names in alone.items()
+    )
+    return "".join(f'<p class="small">{escape(one)}</p>' for one in said)
 
 
 def _shrink(report: ReportData) -> str:
