@@ -18,7 +18,7 @@ from sksurrogate.gap.screen._screen import Screen, grown, grows
 from sksurrogate.gap.search._base import Wanted
 from sksurrogate.gap.search._expander import Expander
 from sksurrogate.gap.search._nested import richer
-from sksurrogate.gap.search._related_forms import as_good
+from sksurrogate.gap.search._related_forms import PlainForm, as_good, in_plainer_form
 from sksurrogate.gap.search._stopping import grows_in_vain, in_vain_from
 from sksurrogate.kernels.record import ages_of
 
@@ -178,18 +178,12 @@ def _promising(base: OdeCandidate, about: Screen, search: Expander, most: float)
 
 def always_there(search: Expander, candidate: OdeCandidate) -> OdeCandidate:
     """A set without the windows that it does not need, fitted from where it stands: in a window an effect may have found its values."""
-    for i, effect in enumerate(candidate.effects):
-        plain = [e for e in search.library if isinstance(effect, Starting) and e.key == effect.key[:-1]]
-        base = search.without(candidate, i) if plain else None
-        if base is None:
-            continue
-        values = np.asarray(effect.own(candidate.theta_of(i)))  # type: ignore[attr-defined]
-        other = search.with_effect(base, plain[0], values, candidate.path)
-        for one in search.ranked([other], base) if other is not None else ():
-            fitted = search.polish(one)
-            if as_good(search, fitted, candidate):
-                return always_there(search, fitted)
-    return candidate
+
+    def without_window(effect: BaseEffect, theta: np.ndarray) -> PlainForm | None:
+        forms = [e for e in search.library if isinstance(effect, Starting) and e.key == effect.key[:-1]]
+        return (forms[0], np.asarray(effect.own(theta))) if forms else None  # type: ignore[attr-defined]
+
+    return in_plainer_form(search, candidate, without_window, lambda one, other: as_good(search, one, other))
 
 
 def look_for_onsets(search: Expander) -> None:

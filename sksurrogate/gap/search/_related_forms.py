@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
+
+import numpy as np
 
 from sksurrogate.effects._base_effect import BaseEffect
 from sksurrogate.gap.fit._evidence import C, arrived
 from sksurrogate.gap.search._base import EQUAL, BaseSearch, Wanted
 from sksurrogate.gap.search._nested import contains, richer
 from sksurrogate.gap.search._set_moves import SetMoves
+
+#: An effect, and its parameters.
+PlainForm = tuple[BaseEffect, np.ndarray]
 
 #: A simpler form is named where the richer one removes hardly more than this share of the gap's power.
 HARDLY_ANY = 5e-4
@@ -43,16 +49,32 @@ def simplify(search: SetMoves[C], candidate: C, far: bool = False) -> C:
 
 def from_rest(search: SetMoves[C], candidate: C) -> C:
     """A set whose memories begin at rest, where the data do not tell that they were elsewhere before a run."""
+
+    def at_rest(effect: BaseEffect, theta: np.ndarray) -> PlainForm | None:
+        forms = [e for e in search.library if e.key == effect.key and e.at_rest and not effect.at_rest]
+        return (forms[0], theta) if forms else None
+
+    return in_plainer_form(search, candidate, at_rest, lambda one, other: search.score(one) > search.score(other))
+
+
+def in_plainer_form(
+    search: SetMoves[C],
+    candidate: C,
+    plainer: Callable[[BaseEffect, np.ndarray], PlainForm | None],
+    better: Callable[[C, C], bool],
+) -> C:
+    """A set with plainer forms of its effects, one after the other, each fitted from where the set stands, as long as they are better.
+
+    ``plainer``: the plainer form of an effect with these parameters, and its own parameters; None where it has none.
+    """
     for i, effect in enumerate(candidate.effects):
-        plain = [e for e in search.library if e.key == effect.key and e.at_rest and not effect.at_rest]
-        base = search.without(candidate, i) if plain else None
-        if base is None:
-            continue
-        other = search.with_effect(base, plain[0], candidate.theta_of(i), candidate.path)
-        for one in search.ranked([other], base) if other is not None else ():
+        form = plainer(effect, candidate.theta_of(i))
+        base = None if form is None else search.without(candidate, i)
+        other = None if form is None or base is None else search.with_effect(base, *form, candidate.path)
+        for one in search.ranked([other], base) if base is not None and other is not None else ():
             fitted = search.polish(one)
-            if search.score(fitted) > search.score(candidate):
-                return from_rest(search, fitted)
+            if better(fitted, candidate):
+                return in_plainer_form(search, fitted, plainer, better)
     return candidate
 
 
