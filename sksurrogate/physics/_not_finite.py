@@ -56,5 +56,7 @@ def finite_along(inner: PlantModel, record: Record, labels: Sequence[object]) ->
     try:
         yield
     except FloatingPointError as error:
-        place = not_finite_along(inner, record, labels) or str(error)
-        raise SimulatorError(f"the simulator gives no finite step along the data: {place}") from error
+        place = not_finite_along(inner, record, labels)
+        raise SimulatorError(
+            f"the simulator gives no finite step along the data{f': {place}' if place else '.'}"
+        ) from error
