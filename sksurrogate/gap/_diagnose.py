@@ -234,7 +234,7 @@ class GapDiagnoser(BaseEstimator):
         plant = recorded(plant, [run.X for run in runs])
         free = _free(self.free_params, plant.params)
         _refuse_still([run.y for run in runs], plant.outputs)
-        say_joined_runs(list(runs), plant)
+        say_joined_runs(runs, plant)
         user_knows = _known(self.bounds, self.priors, plant)
         offsets, uneven, first_parts = None, False, np.arange(len(runs))
         if self.time is not None and plant.access == "rhs":

@@ -10,13 +10,13 @@ from sksurrogate.kernels.integrate import DIFFERENCE, moved_one_by_one, rk4
 from sksurrogate.kernels.windows import run_in_windows
 
 #: Largest error of a sample, relative to the size of each state: a tenth of what a run in equal substeps may have, since jumps add up.
-TOLERANCE = 1e-9
+LARGEST_ERROR = 1e-9
 #: Most substeps of a sample.
 MOST_SUBSTEPS = 1024
 #: Largest mean number of substeps of a sample: a plant that asks for more is stiff throughout.
 MOST_ON_AVERAGE = 48.0
 #: Choices of the substeps before the plant counts as stiff.
-MOST_ROUNDS = 8
+MOST_PASSES = 8
 
 Derivative = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 
@@ -67,7 +67,7 @@ def run_with_own_substeps(
 ) -> np.ndarray | None:
     """States (n_runs, n_samples, n_states) of runs of equal length; None where the plant is stiff nearly everywhere, or diverges.
 
-    Every sample has 2, 4, 8, ... substeps: as many as keep its own error, against twice as many, below :data:`TOLERANCE`.
+    Every sample has 2, 4, 8, ... substeps: as many as keep its own error, against twice as many, below :data:`LARGEST_ERROR`.
 
     ``derivative`` (t, x, u) -> dx/dt on arrays (n, *s), ``U`` (n_runs, n_samples, n_inputs), ``X0`` (n_runs, n_states),
         ``t`` (n_samples,).
@@ -80,7 +80,7 @@ def run_with_own_substeps(
     every = np.arange(n_runs * n_samples)
     size = np.where(np.abs(X0) > 0, np.abs(X0), 1.0).max(axis=0)
     counts, x = np.full(len(every), 2), near.reshape(-1, n_states).T
-    for _ in range(MOST_ROUNDS):
+    for _ in range(MOST_PASSES):
         more = _more_substeps(samples, x, every, counts)
         if more is None or more.mean() > MOST_ON_AVERAGE:
             return None
@@ -109,7 +109,7 @@ def _more_substeps(samples: _Samples, x: np.ndarray, rows: np.ndarray, counts: n
     while len(at):
         twice = samples.after(beside[..., at], at, 2 * counts[at])
         error = np.max(np.abs(once - twice) / scale[:, None, None], axis=(0, 1))
-        wanting = ~(error <= TOLERANCE) & (counts[at] < MOST_SUBSTEPS)
+        wanting = ~(error <= LARGEST_ERROR) & (counts[at] < MOST_SUBSTEPS)
         at, once = at[wanting], twice[..., wanting]
         counts[at] *= 2
     return counts

@@ -11,6 +11,7 @@ import numpy as np
 
 from sksurrogate.effects._lattice import lattice_steps
 from sksurrogate.gap.faults._wrong_readings import EXPECTED, ONE_STEP
+from sksurrogate.gap.results._data_faults import listed
 from sksurrogate.kernels.readings import jumps_that_stay
 from sksurrogate.kernels.smoother import noise_of_differences
 from sksurrogate.physics._simulator import Plant
@@ -24,11 +25,9 @@ JOINED = (
 #: One output that jumps may be a sensor that is hit, or that recovers; from so many jumps on runs are likelier.
 LEAST_JUMPS = 3
 #: Noise, over the deviation of its output, against which a jump is judged at least: readings of a simulator have none.
-LEAST_NOISE = 1e-3
+NOISE_AT_LEAST = 1e-3
 #: Rows of a run: fewer between two jumps are a part of the motion, as where inputs were written as outputs.
 SHORTEST_RUN = 8
-#: Rows that are listed.
-MOST_LISTED = 5
 
 
 class Jumps(NamedTuple):
@@ -47,15 +46,13 @@ def say_joined_runs(runs: Sequence[Run], plant: Plant) -> None:
             continue
         moves = _largest_steps(plant, run.X)
         beyond = [jumps.rows[EXPECTED * jumps.sizes > most] for jumps, most in zip(found, moves)]
-        seams = np.unique(np.concatenate(beyond))
+        starts = np.unique(np.concatenate(beyond))
         shortest = min(np.min(np.diff([0, *rows, len(run.y)])) for rows in beyond)
-        if not len(seams) or shortest < SHORTEST_RUN:
+        if not len(starts) or shortest < SHORTEST_RUN:
             continue
         names = ", ".join(repr(name) for name, rows in zip(plant.outputs, beyond) if len(rows))
-        listed = ", ".join(str(run.start + row) for row in seams[:MOST_LISTED])
-        more = f" and {len(seams) - MOST_LISTED} more" if len(seams) > MOST_LISTED else ""
-        word = "row" if len(seams) == 1 else "rows"
-        warnings.warn(JOINED.format(names=names, rows=f"{word} {listed}{more}"), UserWarning, stacklevel=2)
+        rows = f"row{'s' if len(starts) > 1 else ''} {listed([str(run.start + row) for row in starts])}"
+        warnings.warn(JOINED.format(names=names, rows=rows), UserWarning, stacklevel=2)
 
 
 def joined_at(y: np.ndarray) -> list[Jumps]:
@@ -78,7 +75,7 @@ def _jumps(y: np.ndarray) -> Jumps:
     rows = np.flatnonzero(~np.isnan(y))
     known = y[rows]
     sd = float(noise_of_differences(known[None], np.array([0]))[0]) if len(known) > 4 else np.inf
-    at = jumps_that_stay(known, max(sd, LEAST_NOISE * float(np.std(known))) if len(known) else np.inf)
+    at = jumps_that_stay(known, max(sd, NOISE_AT_LEAST * float(np.std(known))) if len(known) else np.inf)
     sizes = np.abs(known[at] - known[at - 1])
     grid = max(lattice_steps(known), default=0.0) if len(at) else 0.0
     return Jumps(rows[at[sizes > ONE_STEP * grid]], sizes[sizes > ONE_STEP * grid])
