@@ -133,9 +133,8 @@ def _likeliest(search: OdeSearch, final: Evidence, fallen: set[frozenset]) -> tu
         else:
             fewer = search.without(final.candidate, falling)
             rest = None if fewer is None or not fewer.effects else taken(search, fewer, final)
-            if rest is None or not search.plausible(
-                rest.candidate
-            ):  # fitted again, what is left may have moved to where no data show it
+            # fitted again, what is left may have moved to where no data show it
+            if rest is None or not search.plausible(rest.candidate):
                 return _nothing(search, Posterior((), None, rejected=final))
             final = rest
     return _nothing(search, Posterior((), None, too_far=tuple(map(name_of, final.effects))))

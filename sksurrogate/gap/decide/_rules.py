@@ -43,7 +43,7 @@ class DecisionFeatures:
     repeats: bool = True  #: Whether a law that was looked for closes a practical share on runs left out; of one run that is not known
     rounding: float = 0.0  #: Error of a coarse grid of readings that nothing names, over the deviation of the output
     noisy_input: bool = False  #: Whether the gap is no larger than the noise of a measured input makes it
-    #: Whether the simulator alone explains the record with its time or columns in another unit, or in another order
+    #: Whether the simulator alone explains the record with its time or columns in another unit, or with its columns in another order
     other_unit: bool = False
     at_bound: bool = False  #: Whether a re-tuned parameter ended at its bound
     tolerance: float = 0.1  #: Share of the gap (amplitude) that a model may leave
@@ -99,7 +99,7 @@ RULES: tuple[Rule, ...] = (
         "other_unit",
         lambda f: f.other_unit,
         "unknown",
-        "The simulator alone explains the record with its time, or its columns, in another unit, or in another order. No effects explain more in its own.",
+        "The simulator alone explains the record with its time or columns in another unit, or with its columns in another order. No effects explain more in its own.",
         law=False,
     ),
     Rule(
