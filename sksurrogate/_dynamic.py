@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from sklearn.base import RegressorMixin
 from sklearn.metrics import r2_score
+from sklearn.preprocessing import StandardScaler
 from sklearn.utils.validation import check_is_fitted
 
 from sksurrogate._checks import checked, is_checked_frame
@@ -233,7 +234,8 @@ class FreeRunMixin(RegressorMixin, ABC):
             self._width = 0 if hasattr(self, "feature_names_in_") else self.n_features_in_
             outputs = runs[0].y if len(runs) == 1 else np.concatenate([run.y for run in runs])
             self.y_is_1d_ = runs.y_is_1d
-            self.y_mean_, self.y_spread_ = outputs.mean(axis=0), outputs.std(axis=0) + 1e-12
+            scaling = StandardScaler().fit(outputs)
+            self.y_mean_, self.y_spread_ = scaling.mean_, scaling.scale_
             ends = [np.stack([end(np.hstack([run.X, run.y]), axis=0) for run in runs]) for end in (np.min, np.max)]
             self.data_range_ = np.stack([ends[0].min(axis=0), ends[1].max(axis=0)])
         return runs

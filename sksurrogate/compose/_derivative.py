@@ -366,7 +366,7 @@ class DerivativeRegressor(FreeRunMixin, BaseEstimator):
         out[0] = start
         edges = np.r_[0, np.flatnonzero(np.any(np.diff(U[:-1], axis=0), axis=1)) + 1, len(U) - 1]
         edges = np.unique(edges) if order == 0 else np.array([0, len(U) - 1])
-        far = 1e7 * (self.y_spread_ + np.abs(self.y_mean_))
+        far, fine = 1e7 * (self.y_spread_ + np.abs(self.y_mean_)), 1e-9 * self.y_spread_
 
         def f(now: float, x: np.ndarray, a: int) -> np.ndarray:
             u = U[a] if order == 0 else np.array([np.interp(now, t, column) for column in U.T])
@@ -377,7 +377,7 @@ class DerivativeRegressor(FreeRunMixin, BaseEstimator):
         for a, b in zip(edges[:-1].tolist(), edges[1:].tolist()):
             try:
                 found = solve_ivp(
-                    f, (t[a], t[b]), out[a], method=self.method, t_eval=t[a : b + 1], args=(a,), rtol=1e-6, atol=1e-9
+                    f, (t[a], t[b]), out[a], method=self.method, t_eval=t[a : b + 1], args=(a,), rtol=1e-6, atol=fine
                 )
             except ArithmeticError:
                 return out

@@ -53,6 +53,7 @@ class FreeRunResidual(BaseEstimator):
     ``loss`` {"shooting", "one_step"}.
     ``max_iter``: Levenberg-Marquardt steps of each map.
     ``net_``: the mean of ``members_``.
+    ``unit_`` (n_outputs,): what deviations are learned in.
     ``n_hidden_``: units of each map; fewer than ``hidden`` for few rows.
     """
 
@@ -75,16 +76,23 @@ class FreeRunResidual(BaseEstimator):
         self.random_state = random_state
 
     def fit_runs(
-        self, known: Sequence[np.ndarray], deviation: Sequence[np.ndarray], ages: np.ndarray, n_lags: int
+        self,
+        known: Sequence[np.ndarray],
+        deviation: Sequence[np.ndarray],
+        ages: np.ndarray,
+        n_lags: int,
+        unit: np.ndarray,
     ) -> FreeRunResidual:
         """Fit on whole runs.
 
         ``known`` list of (n_samples, n_known): features that do not depend on the deviation.
         ``deviation`` list of (n_samples, n_outputs).
         ``ages`` (n_known,): lag of every known feature; 1 counts as new.
+        ``unit`` (n_outputs,): deviations of one unit count alike in every output.
         """
         o = deviation[0].shape[1]
-        self.n_outputs_, self.n_lags_ = o, n_lags
+        self.n_outputs_, self.n_lags_, self.unit_ = o, n_lags, unit
+        deviation = [d / self.unit_ for d in deviation]
         lags = np.concatenate([np.repeat(np.arange(1, n_lags + 1), o), np.maximum(ages, 1)])
         weight = self.decay ** (lags - 1.0)
         rows = sum(max(len(k) - n_lags, 1) for k in known)
@@ -111,7 +119,7 @@ class FreeRunResidual(BaseEstimator):
         """Go on from the fitted maps with other, usually more, runs."""
         size = self.members_[0].theta.size
         most = int(np.clip(WORK / (self.n_outputs_ * size**2), 300, 2000))
-        whole = cut(known, deviation, self.n_lags_, LONGEST_STRETCH, most)
+        whole = cut(known, [d / self.unit_ for d in deviation], self.n_lags_, LONGEST_STRETCH, most)
         self._settle([self._learn(one, whole) for one in self._fits], whole)
         return self
 
@@ -144,10 +152,12 @@ class FreeRunResidual(BaseEstimator):
 
     def _settle(self, fits: list[_Fit], judged: Pieces) -> None:
         """Keep the maps, and their mean where it runs freely without growing."""
-        nets = [one.net for one in fits]
-        self._fits, self.members_, self.net_ = fits, nets, merged(nets)
-        if not np.all(np.isfinite(roll(self.net_, judged.known, np.nan_to_num(judged.first)))):
-            self._fits, self.members_, self.net_ = fits[:1], nets[:1], nets[0].raw()
+        if not np.all(np.isfinite(roll(merged([one.net for one in fits]), judged.known, np.nan_to_num(judged.first)))):
+            fits = fits[:1]
+        units = np.ones(len(fits[0].net.mean))
+        units[: self.n_lags_ * self.n_outputs_] = np.tile(self.unit_, self.n_lags_)
+        self._fits, self.members_ = fits, [one.net.in_units(units, self.unit_) for one in fits]
+        self.net_ = merged(self.members_)
 
     def _starts(self, pieces: Pieces, weight: np.ndarray) -> list[_Fit]:
         """Random tanh layers with the rest by ridge. The penalties pull to the last deviation kept; first ones take turns."""

@@ -69,6 +69,17 @@ class SkipNet:
         ]
         return z @ self.skip + h @ self.out + self.bias, by_phi, np.concatenate(by_theta, axis=2)
 
+    def in_units(self, features: np.ndarray, outputs: np.ndarray) -> SkipNet:
+        """The same map where numbers of the features and of the outputs are so many times as large."""
+        return replace(
+            self,
+            mean=self.mean * features,
+            scale=self.scale * features,
+            skip=self.skip * outputs,
+            out=self.out * outputs,
+            bias=self.bias * outputs,
+        )
+
     def raw(self) -> SkipNet:
         """The same function of unscaled features (mean 0, scale 1)."""
         skip, hidden = self.skip / self.scale[:, None], self.hidden / self.scale[:, None]

@@ -24,7 +24,11 @@ FIRST_PENALTY = 1e-4
 def fit_linear(
     U: list[np.ndarray], Y: list[np.ndarray], n_states: int, feedthrough: bool, max_iter: int, refine: bool
 ) -> StateFit:
-    """Subspace starts with pasts of several lengths; the best free run is refined."""
+    """Subspace starts with pasts of several lengths; the best free run is refined.
+
+    A refined model grows no faster than a constant, or than its subspace start if that is unstable: free runs from the
+    fitted initial states may hide an unstable mode, others do not.
+    """
     n, m, o = n_states, U[0].shape[1], Y[0].shape[1]
     model = StateModel(n, m, o, (), feedthrough)
     rows, outputs, starts = np.concatenate(U), np.concatenate(Y), first_rows(U)
@@ -40,7 +44,8 @@ def fit_linear(
     fits, trial = [], (np.concatenate(few[0]), np.concatenate(few[1]), first_rows(few[0]))
     for theta in candidates:
         # the free run is linear in the initial states: a fit with two steps finds them
-        fits.append(fit_output_error(model, theta, np.zeros((len(few[0]), n)), *trial, max_iter=2))
+        guard = _GrowsNoFaster(model, theta)
+        fits.append(fit_output_error(model, theta, np.zeros((len(few[0]), n)), *trial, max_iter=2, accepts=guard))
     best = int(np.argmin([fit.cost for fit in fits]))
     if not refine:
         theta = candidates[best]
@@ -52,7 +57,8 @@ def fit_linear(
         return StateFit(theta, x0, simulate(model, theta, x0, rows, starts), np.nan, 0)
     x0 = np.zeros((len(U), n))
     x0[: len(few[0])] = fits[best].x0
-    return fit_output_error(model, fits[best].theta, x0, rows, outputs, starts, max_iter=max_iter)
+    guard = _GrowsNoFaster(model, candidates[best])
+    return fit_output_error(model, fits[best].theta, x0, rows, outputs, starts, max_iter=max_iter, accepts=guard)
 
 
 def fit_networks(
@@ -128,6 +134,21 @@ def _grow(
         fit = fit_output_error(model, *started, U, Y, starts, alpha=light, max_iter=max_iter, accepts=stays)
         fit = fit_output_error(model, fit.theta, fit.x0, U, Y, starts, alpha=alpha, max_iter=max_iter, accepts=stays)
     return fit
+
+
+class _GrowsNoFaster:
+    """Whether the spectral radius of a linear model is at most 1, or that of a first model where this is larger."""
+
+    def __init__(self, model: StateModel, first: np.ndarray):
+        self.model = model
+        self.most = max(self._radius(first), 1.0)
+
+    def __call__(self, theta: np.ndarray, x: np.ndarray) -> bool:
+        return self._radius(theta) <= self.most
+
+    def _radius(self, theta: np.ndarray) -> float:
+        by_state = self.model.f.parts(theta[: self.model.f.size])[0][: self.model.n_states]
+        return float(np.abs(np.linalg.eigvals(by_state)).max())
 
 
 class _StaysNear:

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from sklearn.base import BaseEstimator, _fit_context
+from sklearn.preprocessing import StandardScaler
 from sklearn.utils import check_random_state
 from sklearn.utils._param_validation import Interval, StrOptions
 from sklearn.utils.validation import check_is_fitted
@@ -20,7 +21,7 @@ from sksurrogate.kernels.state_space import StateFit, simulate, start_states
 from sksurrogate.runs import Runs
 
 #: What keeps free runs of state-space models from leaving.
-STEADY_STATES = "Give fewer states, longer runs, or a larger alpha."
+STEADY_STATES = "Give fewer states or longer runs; with networks a larger alpha also helps."
 
 
 class StateMatrices(NamedTuple):
@@ -183,8 +184,8 @@ class StateSpaceRegressor(FreeRunMixin, BaseEstimator):
             )
         self.n_initial_ = int(self.n_initial or 2 * self.n_states + 2)
         runs = self._resolve(X, y, groups, reset=True, min_rows=2)
-        inputs = np.concatenate([run.X for run in runs])
-        self.u_mean_, self.u_spread_ = inputs.mean(axis=0), inputs.std(axis=0) + 1e-12
+        inputs = StandardScaler().fit(np.concatenate([run.X for run in runs]))
+        self.u_mean_, self.u_spread_ = inputs.mean_, inputs.scale_
         U, Y = [self._scaled_u(run.X) for run in runs], [(run.y - self.y_mean_) / self.y_spread_ for run in runs]
         if self.horizon is not None:
             U, Y = cut_pieces(U, self.horizon), cut_pieces(Y, self.horizon)

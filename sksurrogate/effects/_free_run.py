@@ -195,7 +195,7 @@ def _one_sample(bound: BoundModel, x: np.ndarray, t: float, row: int, method: st
             return bound.derivative(np.array([now]), bound.clip(z[:, None, None], now), acting)[:, 0, 0]
 
         try:
-            solution = solve_ivp(rhs, (t, t + width), x, method=method, rtol=1e-8, atol=1e-10)
+            solution = solve_ivp(rhs, (t, t + width), x, method=method, rtol=1e-8, atol=1e-10 * bound.a.scale)
         except ValueError:
             return np.full(len(x), np.nan)  # a state that is not finite: the caller reports the divergence
         if not solution.success:

@@ -45,7 +45,7 @@ def steps_of(parts: Parts, X: np.ndarray, bound: BoundModel, scale: Any, sharpne
     Raises SimulatorError where the run smooths kinks over other sizes than an export, or has another sample time.
     """
     plant, effects, theta = parts
-    if not np.isclose(bound.record.dt, plant.dt, rtol=1e-9):
+    if not np.isclose(bound.record.dt, plant.dt, rtol=1e-9, atol=0.0):
         raise SimulatorError(
             f"t has steps of {bound.record.dt:g}: an export takes those of the simulator, dt={plant.dt:g}."
         )

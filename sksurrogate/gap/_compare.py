@@ -201,7 +201,7 @@ def _check_numbers(n_runs: Any, noise: Any) -> None:
 
 def _samples(first: Plant, second: Plant, duration: Any) -> int:
     """Samples of one run."""
-    if second.dt and not np.isclose(first.dt, second.dt, rtol=1e-6):
+    if second.dt and not np.isclose(first.dt, second.dt, rtol=1e-6, atol=0.0):
         raise SimulatorError(
             f"a has the sample time dt={first.dt:g}, b has dt={second.dt:g}: give both one, set_params(dt={first.dt:g})."
         )

@@ -217,7 +217,7 @@ def _scale(errors: list[np.ndarray], calibrating: list[np.ndarray]) -> np.ndarra
     counts = np.convolve(count, window, mode="same")[:, None]
     overall = np.sqrt(total.sum(axis=0) / max(count.sum(), 1.0))
     scale = np.where(counts > 0, np.sqrt(smooth / np.maximum(counts, 1e-12)), overall)
-    return np.maximum(scale, 0.1 * overall + 1e-12)
+    return np.where(overall > 0.0, np.maximum(scale, 0.1 * overall), 1.0)
 
 
 def _widths(errors: list[np.ndarray], scale: np.ndarray, rank: int, coverage: float, kind: str) -> np.ndarray:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from scipy.signal import lfilter, lfiltic
+from sklearn.preprocessing import StandardScaler
 
 from sksurrogate.exceptions import DataError
 from sksurrogate.features._lag import lag_columns
@@ -119,20 +121,19 @@ def scan_orders(
             labels[one.start : one.stop] = r
         blocks = -(-n_splits // len(runs))
         runs = resolve_runs(X, y, groups=_cut(labels, blocks, longest), run=run, min_rows=longest + 2)
-    outputs = np.concatenate([one.y for one in runs])
-    spread = outputs.std(axis=0) + 1e-12
-    fold = np.arange(len(runs)) % n_splits
-    parts = [_features(one, max_output_lags, max_input_lags, spread) for one in runs]
+    scaled = _standardised(runs)
+    o, m = scaled[0].y.shape[1], scaled[0].X.shape[1]
+    fold = np.arange(len(scaled)) % n_splits
+    parts = [_features(one, max_output_lags, max_input_lags) for one in scaled]
     grams = [sum(P.T @ P for P, of in zip(parts, fold) if of == k) for k in range(n_splits)]
-    width, o = parts[0].shape[1], outputs.shape[1]
-    m = runs[0].X.shape[1]
+    width = parts[0].shape[1]
     rows = []
     for ny in range(1, max_output_lags + 1):
         for nu in range(max_input_lags + 1):
             past = np.arange(ny * o)
             known = max_output_lags * o + np.arange((nu + 1) * m)
             chosen = np.concatenate([past, known, [width - o - 1]])
-            one_step, free = _score(runs, parts, grams, fold, chosen, ny, longest, alpha, spread)
+            one_step, free = _score(scaled, parts, grams, fold, chosen, ny, longest, alpha)
             error = float(np.std(free) / np.sqrt(n_splits)) if np.all(np.isfinite(free)) else np.inf
             rows.append((ny, nu, len(chosen) * o, one_step, float(np.sqrt(np.mean(np.square(free)))), error))
     ny_, nu_, size, one, free_run, free_error = (np.array(column) for column in zip(*rows))
@@ -151,17 +152,31 @@ def _cut(labels: np.ndarray, blocks: int, gap: int) -> np.ndarray:
     return out
 
 
-def _features(run: Run, ny: int, nu: int, spread: np.ndarray) -> np.ndarray:
+@dataclass(frozen=True, eq=False)
+class _Scaled:
+    """A run without mean and unit: orders depend on neither."""
+
+    X: np.ndarray  #: (n_samples, n_inputs)
+    y: np.ndarray  #: (n_samples, n_outputs)
+
+
+def _standardised(runs: Iterable[Run]) -> list[_Scaled]:
+    """Every column by mean and standard deviation over all runs; one that never moves is 0."""
+    X = StandardScaler().fit(np.concatenate([one.X for one in runs]))
+    y = StandardScaler().fit(np.concatenate([one.y for one in runs]))
+    return [_Scaled(X.transform(one.X), y.transform(one.y)) for one in runs]
+
+
+def _features(run: _Scaled, ny: int, nu: int) -> np.ndarray:
     """Past outputs lag by lag, inputs lag by lag, one, then the outputs; rows with a whole past."""
-    assert run.y is not None
-    y, o, m = run.y / spread, run.y.shape[1], run.X.shape[1]
+    y, o, m = run.y, run.y.shape[1], run.X.shape[1]
     past = lag_columns(y, [(j, k) for k in range(1, ny + 1) for j in range(o)])
     known = lag_columns(run.X, [(j, k) for k in range(nu + 1) for j in range(m)])
     return np.concatenate([past, known, np.ones((len(y), 1)), y], axis=1)[max(ny, nu) :]
 
 
 def _score(
-    runs: Any,
+    runs: list[_Scaled],
     parts: list[np.ndarray],
     grams: list[Any],
     fold: np.ndarray,
@@ -169,10 +184,9 @@ def _score(
     ny: int,
     longest: int,
     alpha: float,
-    spread: np.ndarray,
 ) -> tuple[float, np.ndarray]:
     """One-step RMSE, and free-run RMSE of every fold, on the runs of the folds left out."""
-    o = len(spread)
+    o = runs[0].y.shape[1]
     last = np.arange(len(grams[0]) - o, len(grams[0]))
     square, count, free = 0.0, 0, np.empty(len(grams))
     for k, held in enumerate(grams):
@@ -186,24 +200,23 @@ def _score(
         members = [r for r in range(len(runs)) if fold[r] == k]
         square += float(np.maximum(error, 0).sum())
         count += sum(parts[r].shape[0] for r in members) * o
-        free[k] = _free_run(runs, parts, members, chosen, theta, ny, longest, spread)
+        free[k] = _free_run(runs, parts, members, chosen, theta, ny, longest)
     return float(np.sqrt(square / count)), free
 
 
 def _free_run(
-    runs: Any,
+    runs: list[_Scaled],
     parts: list[np.ndarray],
     members: list[int],
     chosen: np.ndarray,
     theta: np.ndarray,
     ny: int,
     longest: int,
-    spread: np.ndarray,
 ) -> float:
     """RMSE of linear free runs from the measured first rows; all members at once."""
-    o = len(spread)
+    o = runs[0].y.shape[1]
     if o == 1:
-        return _filtered(runs, parts, members, chosen, theta[:, 0], ny, longest, spread)
+        return _filtered(runs, parts, members, chosen, theta[:, 0], ny, longest)
     members = sorted(members, key=lambda r: -len(parts[r]))
     n, drive = len(parts[members[0]]), ny * o
     known = np.zeros((n, len(members), o))
@@ -213,7 +226,7 @@ def _free_run(
         rows = parts[r].shape[0]
         known[:rows, i] = parts[r][:, chosen[drive:]] @ theta[drive:]
         truth[:rows, i] = parts[r][:, -o:]
-        y[:longest, i] = runs[r].y[:longest] / spread
+        y[:longest, i] = runs[r].y[:longest]
     # newest first in theta, oldest first in a window of y
     weights = theta[:drive].reshape(ny, o, o)[::-1].reshape(drive, o)
     with np.errstate(all="ignore"):
@@ -226,21 +239,20 @@ def _free_run(
 
 
 def _filtered(
-    runs: Any,
+    runs: list[_Scaled],
     parts: list[np.ndarray],
     members: list[int],
     chosen: np.ndarray,
     theta: np.ndarray,
     ny: int,
     longest: int,
-    spread: np.ndarray,
 ) -> float:
     """The same for one output: a free run is a recursive filter of what the inputs give."""
     denominator = np.r_[1.0, -theta[:ny]]
     square, count = 0.0, 0
     with np.errstate(all="ignore"):
         for r in members:
-            past = runs[r].y[longest - ny : longest, 0][::-1] / spread
+            past = runs[r].y[longest - ny : longest, 0][::-1]
             known = parts[r][:, chosen[ny:]] @ theta[ny:]
             free, _ = lfilter([1.0], denominator, known, zi=lfiltic([1.0], denominator, past))
             square += float(np.sum((free - parts[r][:, -1]) ** 2))

@@ -227,7 +227,8 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
         self.intervals_ = {name: (float(a), float(b)) for name, a, b in zip(free.names, *ends)}
         self.identifiable_ = {name: not bool(flag) for name, flag in zip(free.names, found.loose)}
         self.unidentified_ = [
-            {name: float(v) for name, v in zip(free.names, row) if abs(v) > LEAST_PART} for row in found.null
+            {name: float(v) for name, v in zip(free.names, row) if abs(v) > LEAST_PART}
+            for row in _relative(found.null * free.unit, theta)
         ]
 
     def predict(self, X: Any, y0: Any = None, groups: Any = None, x0: Any = None) -> np.ndarray:
@@ -356,6 +357,12 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
                 "integrated from stamp to stamp: resample to an even grid, or give the simulator rhs."
             )
         return runs, uneven, first
+
+
+def _relative(changes: np.ndarray, theta: np.ndarray) -> np.ndarray:
+    """Changes (n, k) of parameters in units of their values (of 1 for those at 0), each of length 1."""
+    parts = changes / np.where(theta != 0, theta, 1.0)
+    return parts / np.linalg.norm(parts, axis=1, keepdims=True)
 
 
 def _warn(what: str) -> None:

@@ -276,7 +276,7 @@ def _connect(plant_given: Any, controller_given: Any, outputs: Sequence[str] | N
             f"controller: none of its inputs {list(controller.inputs)} is an output of the plant {list(plant.outputs)}; name what "
             "it reads as the plant does."
         )
-    if controller.access == "step" and not np.isclose(controller.dt, plant.dt, rtol=1e-9):
+    if controller.access == "step" and not np.isclose(controller.dt, plant.dt, rtol=1e-9, atol=0.0):
         raise SimulatorError(f"controller: dt={controller.dt:g}, expected that of the plant, {plant.dt:g}.")
     unknown = [name for name in outputs or () if name not in (*plant.outputs, *controller.outputs)]
     if unknown:

@@ -182,7 +182,7 @@ class ControlSimulator(InnerRunsMixin, ParametricSimulator):
         if own:
             held_over_samples(self.hold)
             step = float(1.0 if self.dt is None else self.dt) if own is True else float(own)
-            if self.dt is not None and not np.isclose(self.dt, step, rtol=1e-9):
+            if self.dt is not None and not np.isclose(self.dt, step, rtol=1e-9, atol=0.0):
                 raise SimulatorError(
                     f"dt={self.dt}, but the system goes from sample to sample in {step:g}: leave dt out, or make the system anew for "
                     "the other sample time."

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from typing import Any
 
@@ -18,6 +19,8 @@ from sksurrogate.physics._own_substeps import run_with_own_substeps
 TOLERANCE = 1e-8
 #: Evaluations of the right-hand side in a stretch, beside 2000 a sample, after which the integrator counts as stuck.
 MOST_EVALUATIONS = 20_000
+#: Share of a sample after which states that begin at 0 show their size.
+AT_ONCE = 1e-6
 #: More substeps than this and the plant counts as stiff.
 MOST_PLANT_SUBSTEPS = 48
 #: Runs of more samples are closed window by window where many points cost little more than one.
@@ -123,7 +126,7 @@ def _explicit(
     n_sub, X = fixed or 2, None
     fewer, before = n_sub, np.inf
     dt = _widths(t)
-    step: float | np.ndarray = float(dt[0]) if np.allclose(dt, dt[0], rtol=1e-9) else dt
+    step: float | np.ndarray = float(dt[0]) if np.allclose(dt, dt[0], rtol=1e-9, atol=0.0) else dt
     while True:
         mean, half = hold_inputs(U, n_sub, order)
         if windows:
@@ -207,16 +210,12 @@ def _local_errors(
 def _adaptive(
     derivative: Derivative, U: np.ndarray, x0: np.ndarray, t: np.ndarray, order: int, method: str
 ) -> np.ndarray:
-    """scipy's integrator over stretches of constant input (held), or the whole run (joined linearly)."""
-    X = np.full((len(t), len(x0)), np.nan)
-    X[0] = x0
-    if order == 1:
-        stretches = [(0, len(t) - 1)]
-    else:
-        changes = np.flatnonzero(np.any(np.diff(U[:-1], axis=0) != 0, axis=1)) + 1 if len(t) > 2 else np.empty(0, int)
-        edges = np.r_[0, changes, len(t) - 1].astype(int)
-        stretches = [(int(a), int(b)) for a, b in zip(edges[:-1], edges[1:]) if b > a]
+    """scipy's integrator over stretches of constant input (held), each at most as long as the run before it.
 
+    The absolute tolerance is a share of what every state has reached before.
+    """
+    X = np.full((len(t), len(x0)), np.nan)
+    X[0], size = x0, np.abs(x0)
     spent, budget = 0, 0
 
     def rhs(now: float, x: np.ndarray, a: int) -> np.ndarray:
@@ -227,19 +226,28 @@ def _adaptive(
         u = U[a] if order == 0 else np.array([np.interp(now, t, column) for column in U.T])
         return derivative(now, x[:, None], u[:, None])[:, 0]
 
-    def solve(a: int, b: int) -> Any:
+    def solve(a: int, b: int, least: float = 0.0) -> Any:
         nonlocal spent, budget
         spent, budget = 0, MOST_EVALUATIONS + 2_000 * (b - a)
         longest = np.inf if order == 0 else float(np.max(np.diff(t)))
         span, rows = (t[a], t[b]), t[a : b + 1]
-        return solve_ivp(
-            rhs, span, X[a], method=method, t_eval=rows, args=(a,), rtol=1e-8, atol=1e-10, max_step=longest
-        )
+        fine = np.maximum(1e-10 * np.where(size > 0, size, reached_soon(a)), least)
+        return solve_ivp(rhs, span, X[a], method=method, t_eval=rows, args=(a,), rtol=1e-8, atol=fine, max_step=longest)
 
-    for a, b in stretches:
+    def reached_soon(a: int) -> np.ndarray:
+        """What states at 0 reach in some short steps, in which each moves the next; 1 where they stay."""
+        x = X[a]
+        for _ in x:
+            x = x + AT_ONCE * (t[a + 1] - t[a]) * derivative(t[a], x[:, None], U[a][:, None])[:, 0]
+        return np.where(np.isfinite(x) & (x != 0), np.abs(x), 1.0)
+
+    for a, b in itertools.pairwise(_edges(U, order)):
         try:
             try:
-                solution = solve(a, b)
+                try:
+                    solution = solve(a, b)
+                except _Stuck:  # a state that rounding alone moves
+                    solution = solve(a, b, 1e-10)
             except _Stuck as stuck:
                 reached = int(np.searchsorted(t, stuck.args[0])) - 1
                 if reached > a:
@@ -253,10 +261,20 @@ def _adaptive(
                 ) from error
             return X  # scipy refuses non-finite states: the caller reports the divergence
         X[a : a + solution.y.shape[1]] = solution.y.T
+        size = np.maximum(size, np.max(np.abs(solution.y), axis=1, initial=0.0))
         if not solution.success:
             X[a + solution.y.shape[1] :] = np.nan
             return X
     return X
+
+
+def _edges(U: np.ndarray, order: int) -> list[int]:
+    """Rows between which inputs are held, and 0, 1, 2, 4, ... rows: what comes is of the size of what was."""
+    last = len(U) - 1
+    doubled = 2 ** np.arange(max(last, 1).bit_length())
+    held = order == 0 and last > 1
+    changes = np.flatnonzero(np.any(np.diff(U[:-1], axis=0) != 0, axis=1)) + 1 if held else np.empty(0, int)
+    return [int(row) for row in np.unique(np.r_[0, doubled[doubled < last], changes, last])]
 
 
 class _Stuck(ArithmeticError):

@@ -13,6 +13,9 @@ from sksurrogate.exceptions import SimulatorError, require
 from sksurrogate.physics._model import PlantModel
 from sksurrogate.physics._simulator import describe
 
+#: Longest step of a central difference, in units of the point or of 1, and how many steps, each a tenth of the last, are compared.
+STEP, DECADES = 6e-6, 12
+
 
 @dataclass(frozen=True, eq=False)
 class Linearisation:
@@ -86,6 +89,32 @@ def _values(given: Any, argument: str, names: Sequence[str], what: str) -> np.nd
     return values
 
 
+def slopes(function: Callable[[np.ndarray], np.ndarray], z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Slopes (n_values, n) by central differences at ``z`` (n,), and the values there.
+
+    ``function``: columns (n, k) -> (n_values, k).
+
+    Each slope has the step at which a tenth of it changes the slope least: nobody knows the sizes of the signals.
+
+    >>> J, _ = slopes(lambda z: np.sin(z / 1e-9), np.array([0.3e-9]))
+    >>> bool(np.isclose(J[0, 0] * 1e-9, np.cos(0.3), rtol=1e-6))
+    True
+    """
+    n = len(z)
+    width = STEP * np.maximum(np.abs(z), 1.0) * 0.1 ** np.arange(DECADES)[:, None]  # (n_widths, n)
+    aside = (width[:, :, None] * np.eye(n)).reshape(-1, n).T
+    at = function(z[:, None] + np.concatenate([aside, -aside, np.zeros((n, 1))], axis=1))
+    up, down = at[:, : aside.shape[1]], at[:, aside.shape[1] : -1]
+    found = ((up - down) / (2 * width).ravel()).reshape(len(at), DECADES, n)
+    first, second = found[:, :-1], found[:, 1:]
+    size = np.maximum(np.abs(first), np.abs(second))
+    rounding = np.finfo(float).eps * (np.abs(z) * size + np.abs(at[:, -1])[:, None, None]) / width[1:]
+    with np.errstate(all="ignore"):
+        doubt = np.where(size > 0, (np.abs(first - second) + rounding) / size, 0.0)
+    best = np.argmin(np.where(np.isfinite(doubt), np.minimum(doubt, 1.0), 2.0), axis=1)
+    return np.take_along_axis(found, best[:, None], axis=1)[:, 0], at[:, -1]
+
+
 def linearise(simulator: Any, x0: Any, u0: Any, t: float = 0.0, *, pade: int = 2) -> Linearisation:
     """Linearise a simulator with a right-hand side or a step, by central differences of it.
 
@@ -124,15 +153,8 @@ def linearise(simulator: Any, x0: Any, u0: Any, t: float = 0.0, *, pade: int = 2
     x = _values(x0, "x0", own, "states")
     x = complete(x, u) if len(x) == len(plant.x0) else x
     n, z = len(x), np.r_[x, u]
-    h = 6e-6 * np.maximum(np.abs(z), 1e-2)
-    columns = np.concatenate([z[:, None] + np.diag(h), z[:, None] - np.diag(h), z[:, None]], axis=1)
-    width = (2 * h)[None]
-
-    def slopes(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        return (values[:, : len(z)] - values[:, len(z) : -1]) / width, values[:, -1]
-
-    J, f = slopes(_value(plant, model, columns[:n], columns[n:], t))
-    G, y = slopes(np.asarray(model.output(np.full(columns.shape[1], t), columns[:n], columns[n:])))
+    J, f = slopes(lambda z: _value(plant, model, z[:n], z[n:], t), z)
+    G, y = slopes(lambda z: np.asarray(model.output(np.full(z.shape[1], t), z[:n], z[n:])), z)
     dt = 0.0 if plant.access == "rhs" else plant.dt
     names = plant.states, plant.inputs, plant.outputs
     return Linearisation(J[:, :n], J[:, n:], G[:, :n], G[:, n:], x, u, y, f, dt, *names)

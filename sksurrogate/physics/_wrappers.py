@@ -153,8 +153,9 @@ def _places(table: np.ndarray, inputs: np.ndarray) -> list[int]:
     last = len(table) - len(inputs)
     if last < 0:
         return []
-    starts = np.flatnonzero(np.all(np.isclose(table[: last + 1], inputs[0], rtol=1e-9, atol=1e-12), axis=1))
-    return [int(k) for k in starts if np.allclose(table[k : k + len(inputs)], inputs, rtol=1e-9, atol=1e-12)]
+    same = {"rtol": 1e-9, "atol": 1e-12 * np.max(np.abs(table), axis=0)}
+    starts = np.flatnonzero(np.all(np.isclose(table[: last + 1], inputs[0], **same), axis=1))
+    return [int(k) for k in starts if np.isclose(table[k : k + len(inputs)], inputs, **same).all()]
 
 
 class CallableSimulator(ParametricSimulator):

@@ -229,3 +229,17 @@ def test_steps_to_models_that_run_away_from_another_start_are_not_taken():
 def test_shorter_runs_are_padded_with_their_last_row():
     parts = [np.array([[1.0, 9.0], [2.0, 8.0], [3.0, 7.0]]), np.array([[4.0, 6.0]])]
     assert _padded(parts).tolist() == [parts[0].tolist(), [[4.0, 6.0]] * 3]
+
+
+@pytest.mark.parametrize("n_states", [3, 4])
+def test_the_refined_model_of_a_stable_plant_is_stable(n_states):
+    rng = np.random.default_rng(0)
+    runs, X, y = np.repeat([0, 1], [90, 60]), rng.normal(size=(150, 2)), np.zeros((150, 2))
+    for run in (0, 1):
+        for t in np.flatnonzero(runs == run)[2:]:
+            y[t, 0] = 0.7 * y[t - 1, 0] - 0.2 * y[t - 2, 1] + X[t - 1, 0]
+            y[t, 1] = 0.5 * y[t - 1, 1] + 0.3 * X[t, 1] + 0.1 * y[t - 1, 0] ** 2
+    y += 0.02 * rng.normal(size=y.shape)
+    fitted = StateSpaceRegressor(n_states, feedthrough=True).fit(X, y, groups=runs)
+    assert np.abs(fitted.poles_).max() <= 1.0
+    assert fitted.score(X, y, groups=runs) > 0.5  # from the first rows, not from the fitted initial states

@@ -95,7 +95,7 @@ def has_kink(effect: BaseEffect, theta: np.ndarray, width: float) -> bool:
         return False
     v = width * np.linspace(-1.0, 1.0, 9)
     wide, narrow = (effect.term(np.zeros(9), v, v, list(theta), one) for one in (width, 0.5 * width))
-    return not np.allclose(wide, narrow)
+    return not np.allclose(wide, narrow, rtol=1e-5, atol=1e-8 * float(np.max(np.abs(wide))))
 
 
 class OdeAccess(BaseAccess[OdeCandidate]):
