@@ -110,8 +110,8 @@ def slopes(function: Callable[[np.ndarray], np.ndarray], z: np.ndarray) -> tuple
     size = np.maximum(np.abs(first), np.abs(second))
     rounding = np.finfo(float).eps * (np.abs(z) * size + np.abs(at[:, -1])[:, None, None]) / width[1:]
     with np.errstate(all="ignore"):
-        doubt = np.where(size > 0, (np.abs(first - second) + rounding) / size, 0.0)
-    best = np.argmin(np.where(np.isfinite(doubt), np.minimum(doubt, 1.0), 2.0), axis=1)
+        doubt = np.where(size > 0, (np.abs(first - second) + rounding) / size, 1.0)
+    best = np.argmin(np.where(np.isfinite(doubt), np.minimum(doubt, 1.0), 2.0), axis=1)  # among equals the longest
     return np.take_along_axis(found, best[:, None], axis=1)[:, 0], at[:, -1]
 
 
