@@ -52,7 +52,8 @@ class HybridRegressor(RegressorMixin, BaseEstimator):
         "dynamics": a term of states and inputs is added to dx/dt (or the next states of a step). "input": a term of the
         inputs is added to them. "dynamics" and "input" need a simulator with ``rhs`` or ``step``. "auto" tries three forms: the one of
         "input" and "dynamics" with the larger evidence (where the simulator allows them), "static", "output". It takes the
-        first in this order whose gain on left-out runs is within one standard error of the best.
+        first in this order whose gain on left-out runs is within one standard error of the best, and of which these runs
+        support at least the best one's share.
     loss : {"one_step", "shooting"}, optional
         Whether the correction is fitted one step ahead or through its own free run ("shooting": residuals whose slopes
         are known; a DataError says so for others). Default: "shooting" for the default residual and, inside the

@@ -65,9 +65,9 @@ def chosen_form(
 ) -> tuple[str, Any, CorrectionReport]:  # fmt: skip
     """The form, its correction and report.
 
-    With "auto" the first of :func:`_possible` whose gain on what is left out is within one standard error of the largest:
-    with few data forms that know more of the plant are not separated by held-out runs, but err less on other runs. Of two
-    terms inside the plant the one of the larger evidence is a candidate.
+    With "auto" the first of :func:`_possible` whose gain on what is left out is within one standard error of the largest, and
+    of which left-out runs support no smaller share: with few data forms that know more of the plant are not separated by
+    held-out runs, but err less on other runs. Of two terms inside the plant the one of the larger evidence is a candidate.
 
     ``start``: a fitted correction to go on from, and its form.
     """
@@ -89,7 +89,8 @@ def chosen_form(
     if len(judged) == 1:
         return judged[0]
     best = max((report for _, _, report in judged), key=lambda report: report.gain)
-    return next(entry for entry in judged if entry[2].gain >= best.gain - best.standard_error)
+    as_good = [entry for entry in judged if entry[2].gain >= best.gain - best.standard_error]
+    return next(entry for entry in as_good if np.all(entry[2].shrinkage >= best.shrinkage))
 
 
 def _possible(plant: Plant | None, residual: Any) -> list[str]:

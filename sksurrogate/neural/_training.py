@@ -35,6 +35,8 @@ SMALL_NET, FEW_ROWS = 300, 20_000
 MEMORY = 2_000
 #: Rows up to which rows that repeat are merged, so that weights and repetitions give the same bits.
 TRAINING_MERGE_ROWS = 5_000
+#: Scale of a column that never moved in training: what it does later has no say.
+NO_SAY = 1e12
 
 
 @dataclass(frozen=True)
@@ -70,13 +72,15 @@ def prepare(X: np.ndarray | RowSource, Y: np.ndarray, weights: np.ndarray | None
         X, Y, weights = X[kept], Y[kept], weights[kept]
     if len(X) <= TRAINING_MERGE_ROWS:
         X, Y, weights = merge_rows(X[:], Y, weights)
-    mean, scale = _moments(X, weights)
-    shift, gain = _moments(Y, weights) if linear_output else (np.zeros(Y.shape[1]), np.ones(Y.shape[1]))
+    mean, scale = _moments(X, weights, NO_SAY)
+    shift, gain = _moments(Y, weights, 1.0) if linear_output else (np.zeros(Y.shape[1]), np.ones(Y.shape[1]))
     return Rows(X, Y, weights, mean, scale, shift, gain)
 
 
-def _moments(values: np.ndarray | RowSource, weights: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
-    """Weighted means and standard deviations of the columns, block by block; 1 for constant columns."""
+def _moments(
+    values: np.ndarray | RowSource, weights: np.ndarray | None, constant: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Weighted means and standard deviations of the columns, block by block; ``constant`` for columns that never move."""
     total = float(len(values)) if weights is None else float(weights.sum())
     mean, square = np.zeros(values.shape[1]), np.zeros(values.shape[1])
     blocks = [slice(first, first + JACOBIAN_ROWS) for first in range(0, len(values), JACOBIAN_ROWS)]
@@ -87,7 +91,7 @@ def _moments(values: np.ndarray | RowSource, weights: np.ndarray | None) -> tupl
         away = (values[block] - mean) ** 2
         square += away.sum(axis=0) if weights is None else weights[block] @ away
     scale = np.sqrt(square / total)
-    scale[~(scale > 1e-13 * np.abs(mean))] = 1.0
+    scale[~(scale > 1e-13 * np.abs(mean))] = constant
     return mean, scale
 
 

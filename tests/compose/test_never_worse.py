@@ -232,3 +232,15 @@ def test_the_gain_of_a_hybrid_that_never_fades_is_that_of_its_settled_runs():
     gain = at.C @ np.linalg.solve(np.eye(len(at.x0)) - at.A, at.B) + at.D
     low, high = (hybrid.predict(np.full((600, 1), 0.15 + step))[-1] for step in (-1e-4, 1e-4))
     assert gain.item() == pytest.approx((high - low) / 2e-4, rel=1e-3)
+
+
+@pytest.mark.slow
+def test_auto_takes_no_form_of_which_less_is_supported_than_of_the_best():
+    # a term inside the plant is kept at a half, and gains as much within one standard error
+    X, y, runs = make_reactor_runs(8, 80, noise=0.02, random_state=0)
+    best = HybridRegressor(linear_reactor(), form="output").fit(X, y, groups=runs)
+    inside = HybridRegressor(linear_reactor(), form="dynamics").fit(X, y, groups=runs)
+    auto = HybridRegressor(linear_reactor(), form="auto").fit(X, y, groups=runs)
+    assert inside.shrinkage_ < best.shrinkage_
+    assert inside.report_.gain > best.report_.gain - best.report_.standard_error
+    assert auto.form_ == "output"
