@@ -9,7 +9,9 @@ from sklearn.preprocessing import StandardScaler
 from sksurrogate.compose import HybridRegressor, RecursivePredictor
 from sksurrogate.effects import CATALOGUE
 from sksurrogate.exceptions import SimulatorError
+from sksurrogate.features import SplineFeatures
 from sksurrogate.gap.decide._ode_access import has_kink
+from sksurrogate.linear import Bounds, Monotone, PenalizedRegressor, Ridge
 from sksurrogate.model_selection import ConformalFreeRun, scan_orders
 from sksurrogate.physics import ODESimulator, TableSimulator, linearise
 
@@ -131,3 +133,19 @@ def test_a_table_of_small_inputs_refuses_others():
 def test_a_small_force_has_its_kink(force):
     assert has_kink(CATALOGUE["coulomb_friction"]("v", "v"), np.array([force]), 0.1)
     assert not has_kink(CATALOGUE["linear_loss"]("v", "v"), np.array([force]), 0.1)
+
+
+@pytest.mark.parametrize("unit", [1e-12, 1e6])
+def test_constraints_hold_in_every_unit(unit):
+    rng = np.random.default_rng(0)
+    x = np.sort(rng.uniform(0, 1, 60))[:, None]
+    y, grid = np.sin(6 * x[:, 0]) + 0.1 * rng.normal(size=60), np.linspace(0, 1, 101)[:, None]
+
+    def monotone(unit):
+        model = PenalizedRegressor([Ridge()], [Monotone(grid)], alpha=1e-3, features=SplineFeatures(12, 3))
+        return model.fit(x, y * unit).predict(grid) / unit
+
+    assert np.diff(monotone(unit)).min() > -1e-9
+    np.testing.assert_allclose(monotone(unit), monotone(1.0), rtol=1e-6, atol=1e-9)
+    bounded = PenalizedRegressor(constraints=[Bounds(lower=0.0)]).fit(np.c_[x, -x + 0.1 * x**2] * unit, y + x[:, 0])
+    assert np.all(bounded.coef_ >= 0)

@@ -269,24 +269,18 @@ class OutputCorrection:
                 )
                 default = FreeRunResidual(alpha=self.shrinkage, loss=self.loss, random_state=self.random_state)
                 residual = default if self.residual is None else clone(self.residual)
-                unit = self._spread(known, deviation)
-                self.fitted = residual.fit_runs(known, deviation, ages, self.n_lags, unit)
+                self.fitted = residual.fit_runs(known, deviation, ages, self.n_lags)
             self.net, self.members = self.fitted.net_, self.fitted.members_
             self.step: Callable[[np.ndarray], np.ndarray] = self.net
             return
         wanted = target + (phi[:, -self.n_outputs :] if self.form == "series" else 0.0)
         wanted = wanted if self.n_outputs > 1 else wanted[:, 0]
-        self.fitted = clone(self.residual) if self.residual is not None else self._chosen(known, deviation, phi, wanted)
+        self.fitted = clone(self.residual) if self.residual is not None else self._chosen(deviation, phi, wanted)
         self.fitted.fit(phi, wanted)
         if self.loss == "shooting" and self.residual is not None and self.form == "output":
             self._shoot(known, deviation, phi)
         step = compiled(self.fitted, phi)
         self.step = Deviation(step, self.n_outputs) if self.form == "series" else step
-
-    def _spread(self, known: list, deviation: list) -> np.ndarray:
-        """Standard deviation of every measured output, (n_outputs,); 1 where it never moves."""
-        spread = np.concatenate([k[:, -self.n_outputs :] + d for k, d in zip(known, deviation)]).std(axis=0)
-        return np.where(spread > 0.0, spread, 1.0)
 
     def _n_inputs(self, known: list) -> int:
         return (known[0].shape[1] - self.n_outputs) // (self.n_lags + 1)
@@ -310,12 +304,12 @@ class OutputCorrection:
         write_back(self.fitted, net)
         self.net = net
 
-    def _chosen(self, known: list, deviation: list, phi: np.ndarray, wanted: np.ndarray) -> Any:
+    def _chosen(self, deviation: list, phi: np.ndarray, wanted: np.ndarray) -> Any:
         """Ridge on polynomials, degree and penalty chosen on every fourth run."""
         lengths = [len(d) - self.n_lags for d in deviation]
         run_of_row = np.repeat(np.arange(len(lengths)), lengths)
         held = run_of_row % 4 == 1 if len(lengths) >= 4 else np.arange(len(phi)) % 4 == 1
-        unit, best, chosen = self._spread(known, deviation), np.inf, None
+        unit, best, chosen = StandardScaler().fit(wanted.reshape(len(wanted), -1)).scale_, np.inf, None
         for candidate in _defaults(phi.shape[1]):
             found = clone(candidate).fit(phi[~held], wanted[~held]).predict(phi[held])
             error = float(np.mean(((found - wanted[held]) / unit) ** 2))

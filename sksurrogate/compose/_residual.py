@@ -43,6 +43,12 @@ class _Fit:
     prior: np.ndarray  #: (n_theta,)
 
 
+def _increments(deviation: Sequence[np.ndarray]) -> np.ndarray:
+    """RMS change of every output from row to row, (n_outputs,); 1 where it never moves."""
+    size = np.sqrt(np.mean(np.concatenate([np.diff(d, axis=0) for d in deviation]) ** 2, axis=0))
+    return np.where(size > 0.0, size, 1.0)
+
+
 class FreeRunResidual(BaseEstimator):
     """``d[t] = S'z + W2' tanh(W1'z + b1) + b2`` of past deviations d and known features, the mean of a few such maps.
 
@@ -53,7 +59,7 @@ class FreeRunResidual(BaseEstimator):
     ``loss`` {"shooting", "one_step"}.
     ``max_iter``: Levenberg-Marquardt steps of each map.
     ``net_``: the mean of ``members_``.
-    ``unit_`` (n_outputs,): what deviations are learned in.
+    ``unit_`` (n_outputs,): what deviations are learned in, the RMS of one step's increments.
     ``n_hidden_``: units of each map; fewer than ``hidden`` for few rows.
     """
 
@@ -76,22 +82,16 @@ class FreeRunResidual(BaseEstimator):
         self.random_state = random_state
 
     def fit_runs(
-        self,
-        known: Sequence[np.ndarray],
-        deviation: Sequence[np.ndarray],
-        ages: np.ndarray,
-        n_lags: int,
-        unit: np.ndarray,
+        self, known: Sequence[np.ndarray], deviation: Sequence[np.ndarray], ages: np.ndarray, n_lags: int
     ) -> FreeRunResidual:
         """Fit on whole runs.
 
         ``known`` list of (n_samples, n_known): features that do not depend on the deviation.
         ``deviation`` list of (n_samples, n_outputs).
         ``ages`` (n_known,): lag of every known feature; 1 counts as new.
-        ``unit`` (n_outputs,): deviations of one unit count alike in every output.
         """
         o = deviation[0].shape[1]
-        self.n_outputs_, self.n_lags_, self.unit_ = o, n_lags, unit
+        self.n_outputs_, self.n_lags_, self.unit_ = o, n_lags, _increments(deviation)
         deviation = [d / self.unit_ for d in deviation]
         lags = np.concatenate([np.repeat(np.arange(1, n_lags + 1), o), np.maximum(ages, 1)])
         weight = self.decay ** (lags - 1.0)

@@ -35,26 +35,32 @@ def constrained_least_squares(
     norms = np.linalg.norm(C, axis=1)
     norms = np.where(norms > 0, norms, 1.0)
     C, lower, upper = C / norms[:, None], lower / norms, upper / norms
+    reach = np.abs(C) @ _sizes(A, b)
     equal = lower == upper
     active = np.where(equal, 2, 0)
     theta = _with_equalities(A, b, C[equal], lower[equal])
     if theta is None:
         raise Infeasible
-    if not _violated(theta, C, lower, upper):
+    if not _violated(C @ theta, lower, upper, reach):
         return theta, active
     theta, active = _least_distance(A, b, C, lower, upper, active)
     at_lower, at_upper = active == -1, active == 1
     rows = np.vstack([C[equal], C[at_lower], C[at_upper]])
     polished = _with_equalities(A, b, rows, np.concatenate([lower[equal], lower[at_lower], upper[at_upper]]))
-    if polished is not None and not _violated(polished, C, lower, upper):
+    if polished is not None and not _violated(C @ polished, lower, upper, reach):
         theta = polished
     return theta, active
 
 
-def _violated(theta: np.ndarray, C: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> bool:
-    """Whether a constraint is broken by more than rounding."""
-    value = C @ theta
-    slack = _CONSTRAINT_TOLERANCE * (1.0 + np.max(np.abs(theta), initial=0.0))
+def _sizes(A: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """What each parameter is if it explains b alone, (n_params,); 0 for one that explains nothing."""
+    columns = np.linalg.norm(A, axis=0)
+    return np.where(columns > 0, np.linalg.norm(b) / np.where(columns > 0, columns, 1.0), 0.0)
+
+
+def _violated(value: np.ndarray, lower: np.ndarray, upper: np.ndarray, reach: np.ndarray) -> bool:
+    """Whether a constraint is broken by more than rounding; ``reach`` (n_constraints,): size that its value may have."""
+    slack = _CONSTRAINT_TOLERANCE * (reach + np.abs(value))
     return bool(np.any(value < lower - slack) or np.any(value > upper + slack))
 
 
@@ -66,7 +72,7 @@ def _eliminate(E: np.ndarray, e: np.ndarray) -> tuple[np.ndarray, np.ndarray] | 
     U, s, Vt = linalg.svd(E)
     rank = int(np.sum(s > 10 * max(E.shape) * np.finfo(float).eps * s[0]))
     particular = Vt[:rank].T @ ((U[:, :rank].T @ e) / s[:rank])
-    if np.any(np.abs(E @ particular - e) > _CONSTRAINT_TOLERANCE * (1 + np.abs(e).max())):
+    if np.any(np.abs(E @ particular - e) > _CONSTRAINT_TOLERANCE * np.abs(e).max()):
         return None
     return particular, Vt[rank:].T
 

@@ -34,7 +34,8 @@ OF_SCIPY = (
 
 #: The way out of a run that diverged.
 REMEDY = (
-    'Check x0, the units of the inputs and the signs in rhs; a stiff plant may want method="LSODA" or a smaller dt.'
+    'Check x0, the units of the inputs and the signs in rhs. A stiff plant may want method="LSODA" or a smaller dt; an rhs that jumps '
+    "(np.sign, an if) holds the integrator where the plant rests on the jump: write np.tanh(v / width)."
 )
 
 Derivative = Callable[[Any, np.ndarray, np.ndarray], np.ndarray]
