@@ -13,7 +13,7 @@ from sksurrogate.gap.decide._access import BaseAccess
 from sksurrogate.gap.decide._equivalence import probabilities
 from sksurrogate.gap.decide._held_out import HeldOut, measure, shares
 from sksurrogate.gap.decide._intervals import intervals, is_sized
-from sksurrogate.gap.decide._law_certificate import certified_law
+from sksurrogate.gap.decide._law_certificate import certified_law, closes_clearly_more
 from sksurrogate.gap.decide._partial_results import PartialResults, Parts, WithIntervals
 from sksurrogate.gap.decide._posterior import Posterior
 from sksurrogate.gap.decide._retuning import retuned_table
@@ -177,6 +177,7 @@ class DiagnosisState(Generic[C]):
             error=shrink.before if np.isfinite(shrink.before) else np.inf,
             curve=law.gain if law is not None else -np.inf,
             curve_moved=law.deviation if law is not None else 0.0,
+            learned=closes_clearly_more(shrink.fraction_correction, shrink.fraction),
             repeats=len(self.labels) < 2 or not np.isfinite(shrink.fraction_law) or certified_law(shrink),
             rounding=rounding.share if rounding is not None else 0.0,
             noisy_input=bool(self.noisy_inputs),

@@ -205,3 +205,20 @@ def test_names_that_pass_the_certificate_leave_no_more_than_half_of_the_power():
     for before, fraction in zip(10 ** rng.uniform(-3, 2, 300), rng.uniform(-1, 1, 300)):
         shrink = Shrink(before, before * (1 - fraction), 0.0, fraction, (0.0, 1.0))
         assert not certified(shrink, unasked) or share_left(shrink) ** 2 <= 0.5 + 1e-12
+
+
+def test_what_a_generic_correction_learns_is_no_disturbance():
+    left = replace(NAMED, share_left=0.15, left=5.0, after=0.06, error=0.42)
+    assert decide(left)[1].rule == "disturbance_left"
+    assert decide(replace(left, learned=True))[0] == "partial"
+    alone = DecisionFeatures(error=0.05, after=0.05, left=5.1, lawful=0.05)
+    assert decide(alone)[0] == "none"
+    assert decide(replace(alone, learned=True))[0] == "unknown"
+
+
+def test_uncertain_names_of_a_small_gap_near_the_noise_are_none():
+    uncertain = replace(NAMED, probability=0.2, share_left=0.49, left=1.03, after=0.0105, error=0.0114)
+    assert decide(uncertain)[0] == "none"
+    assert decide(replace(uncertain, probability=0.99, share_left=0.02))[0] == "explained"
+    assert decide(replace(uncertain, error=0.03))[1].rule == "uncertain_names"  # not small
+    assert decide(replace(uncertain, after=0.002))[1].rule == "uncertain_names"  # not near: 5.9 times the noise

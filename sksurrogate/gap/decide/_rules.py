@@ -40,6 +40,7 @@ class DecisionFeatures:
     #: deviation
     curve: float = -np.inf
     curve_moved: float = 0.0
+    learned: bool = False  #: Whether the generic correction closes clearly more on runs left out
     repeats: bool = True  #: Whether a law that was looked for closes a practical share on runs left out; of one run that is not known
     rounding: float = 0.0  #: Error of a coarse grid of readings that nothing names, over the deviation of the output
     noisy_input: bool = False  #: Whether the gap is no larger than the noise of a measured input makes it
@@ -85,8 +86,14 @@ def certain(f: DecisionFeatures) -> bool:
 
 
 def leaves_a_disturbance(f: DecisionFeatures) -> bool:
-    """What is left follows no law that repeats, and it is small beside the outputs."""
-    return (f.lawful <= f.tolerance or not f.repeats) and f.after < LARGEST_DISTURBANCE
+    """What is left follows no law that repeats, no generic correction learns it, and it is small beside the outputs."""
+    return not f.learned and (f.lawful <= f.tolerance or not f.repeats) and f.after < LARGEST_DISTURBANCE
+
+
+def small_and_near(f: DecisionFeatures) -> bool:
+    """The gap is small beside the outputs, and that of the simulator alone is near the noise."""
+    alone = f.left * max(f.error / f.after, 1.0) if f.after > 0 else f.left  # in units of the noise
+    return f.error < SMALL_GAP and alone <= FAR
 
 
 def makes_up_most(f: DecisionFeatures) -> bool:
@@ -109,6 +116,13 @@ RULES: tuple[Rule, ...] = (
         "The evidence is certain of the effects. The readings also lie on a grid, and no named effect explains it.",
     ),
     Rule("grid", lambda f: f.rounding > 0.0, "unknown", "The readings lie on a grid, and no effect explains it."),
+    Rule(
+        "uncertain_and_small",
+        lambda f: f.names > 0 and not certain(f) and small_and_near(f),
+        "none",
+        "No effect is certain, and the gap is small and near the noise.",
+        withdraws=True,
+    ),
     Rule(
         "uncertain_names",
         lambda f: f.names > 0 and not certain(f),
@@ -162,7 +176,7 @@ RULES: tuple[Rule, ...] = (
     Rule("below_practical", lambda f: f.error < PRACTICAL, "none", "The gap is too small to matter."),
     Rule(
         "small_and_near",
-        lambda f: f.error < SMALL_GAP and f.left <= FAR,
+        small_and_near,
         "none",
         "The gap is small, and it is near the noise.",
     ),
