@@ -478,3 +478,16 @@ def test_a_valve_that_is_nearly_a_gain_is_no_gain_of_all_runs():
     y += rng.normal(0.0, 0.005, y.shape)
     report = GapDiagnoser(simulator, random_state=0, n_jobs=1).fit(U.reshape(-1, 1), y, np.repeat(np.arange(4), 180))
     assert not report.report_.data.kinds and report.report_.verdict == "explained"
+
+
+@pytest.mark.parametrize("fault", [Offsets, Gains])
+@pytest.mark.parametrize(
+    ("values", "differs"),
+    [((0.3, 0.0, 0.3), True), ((0.1, -0.2, 0.1), True), ((0.0030, 0.0028, 0.0029), False), ((-0.2, -0.1, -0.2), False)],
+)
+def test_what_all_runs_share_is_no_fault_of_runs(fault, values, differs):
+    assert fault(0, np.array(values)).differs is differs
+
+
+def test_inputs_that_are_late_in_all_runs_are_a_fault():
+    assert Shifts(None, np.array([-1, -1, -1])).differs

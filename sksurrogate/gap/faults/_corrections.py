@@ -57,6 +57,11 @@ class BaseFault(ABC):
     def key(self) -> tuple[Any, ...]:
         """Faults of one key are one fault."""
 
+    @property
+    def differs(self) -> bool:
+        """Whether it is one of some runs: what all runs share is an effect, or part of one."""
+        return True
+
 
 @dataclass(frozen=True, eq=False)
 class WrongReadings(BaseFault):
@@ -240,8 +245,17 @@ class _OfRuns(BaseFault):
         return DataFault(self.kind, *where, largest, share, values, self.effect, self.remedy.format(fault=self))
 
 
+class _Calibration(_OfRuns):
+    """The zero or the scale of one output, which were another in some runs."""
+
+    @property
+    def differs(self) -> bool:
+        """Whether runs differ by more than they share."""
+        return bool(np.any(self.values == 0.0) or np.std(self.values) > np.abs(np.mean(self.values)))
+
+
 @dataclass(frozen=True, eq=False)
-class Offsets(_OfRuns):
+class Offsets(_Calibration):
     """The zero of one output differs from run to run: ``values`` are measured less true."""
 
     kind, effect = "offset", "sensor_bias"
@@ -258,7 +272,7 @@ class Offsets(_OfRuns):
 
 
 @dataclass(frozen=True, eq=False)
-class Gains(_OfRuns):
+class Gains(_Calibration):
     """The scale of one output differs from run to run: measured = (1 + value) true."""
 
     kind, effect = "gain", "sensor_gain"

@@ -80,7 +80,7 @@ def fault_left(
     smoother = [Proposal(moved[:, None], there_whole(fault)) for fault, moved in smoother_inputs(null)]
     seen = _seen(bases, run, smoother)
     followed = [one.fit.followed(one.proposal, one.tried, search) for one in _first(seen, bases, null, smoother)]
-    clear = [one for one in followed if one is not None and one.gain > CERTAIN]
+    clear = [one for one in followed if one is not None and one.gain > CERTAIN and one.fault.differs]
     good = max((one for one in clear if one.enough), key=lambda one: one.score, default=None)
     if good is not None and good.beats(alternative()):
         return good.fault
