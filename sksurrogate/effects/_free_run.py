@@ -64,7 +64,9 @@ def augmented_states(
     X, bound = _explicit(build, X0, scale, guess)
     if method == "auto" and (bound.a.n_sub > MOST_SHARP_SUBSTEPS or not np.all(np.isfinite(X))):
         stiff = build(SUBSTEPS_OF_SHARP, scale)
-        return _adaptive(stiff, X0, "LSODA"), stiff, False
+        found = _adaptive(stiff, X0, "LSODA")
+        if np.all(np.isfinite(found)) or not np.all(np.isfinite(X)):  # else the explicit run is the one that ended
+            return found, stiff, False
     return X, bound, True
 
 
@@ -177,7 +179,7 @@ def _adaptive(bound: BoundModel, X0: np.ndarray, method: str) -> np.ndarray:
 
 
 def _one_sample(bound: BoundModel, x: np.ndarray, t: float, row: int, method: str) -> np.ndarray:
-    """One sample by scipy's integrator; nan where it gives up, or would need :data:`MOST_CALLS`."""
+    """One sample by scipy's integrator; nan where it gives up."""
     mean, half, h = bound._mean[..., row], bound._half, bound.h
     column: Any = (slice(None), slice(0, 1), None)
     windows = any(isinstance(effect, LimitEffect) and isinstance(effect, Starting) for effect in bound.a.effects)
@@ -186,20 +188,40 @@ def _one_sample(bound: BoundModel, x: np.ndarray, t: float, row: int, method: st
         width = bound.record.dt if steady else h
         u, rise = mean[s][column], None if half is None else half[..., row][s][column]
 
-        calls = itertools.count()
-
-        def rhs(now: float, z: np.ndarray, u=u, rise=rise, begin=t, width=width, calls=calls) -> np.ndarray:
-            if next(calls) > MOST_CALLS:
-                raise ValueError("diverges")
+        def rhs(now: float, z: np.ndarray, u=u, rise=rise, begin=t, width=width) -> np.ndarray:
             acting = u if rise is None else u + (2 * (now - begin) / width - 1) * rise
             return bound.derivative(np.array([now]), bound.clip(z[:, None, None], now), acting)[:, 0, 0]
 
-        try:
-            solution = solve_ivp(rhs, (t, t + width), x, method=method, rtol=1e-8, atol=1e-10 * bound.a.scale)
-        except ValueError:
-            return np.full(len(x), np.nan)  # a state that is not finite: the caller reports the divergence
-        if not solution.success:
-            return np.full(len(x), np.nan)
+        size = np.maximum(bound.a.scale, np.abs(x))
+        end = _end_of(rhs, t, width, x, method, 1e-8, 1e-10 * size)
+        if end is None:  # where a limit sets in, the finest steps may not end
+            end = _end_of(rhs, t, width, x, method, 1e-6, 1e-8 * size)
+        if end is None:
+            return np.full(len(x), np.nan)  # the caller reports the divergence
         t = t + width
-        x = bound.clip(solution.y[:, -1][:, None, None], t, True)[:, 0, 0]
+        x = bound.clip(end[:, None, None], t, True)[:, 0, 0]
     return x
+
+
+def _end_of(
+    rhs: Callable[[float, np.ndarray], np.ndarray],
+    t: float,
+    width: float,
+    x: np.ndarray,
+    method: str,
+    rtol: float,
+    atol: np.ndarray,
+) -> np.ndarray | None:
+    """States (n_states,) a time later; None where they are not finite, or the integrator gives up or needs :data:`MOST_CALLS`."""
+    calls = itertools.count()
+
+    def counted(now: float, z: np.ndarray) -> np.ndarray:
+        if next(calls) > MOST_CALLS:
+            raise ValueError("diverges")
+        return rhs(now, z)
+
+    try:
+        solution = solve_ivp(counted, (t, t + width), x, method=method, rtol=rtol, atol=atol)
+    except ValueError:
+        return None
+    return solution.y[:, -1] if solution.success else None

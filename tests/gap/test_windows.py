@@ -8,6 +8,7 @@ from sksurrogate.gap import GapDiagnoser
 from sksurrogate.gap.fit._known_parameters import KnownParameters
 from sksurrogate.gap.render._values import change_of
 from sksurrogate.gap.results._effect_estimate import EffectEstimate
+from sksurrogate.gap.search._nested import richer
 from sksurrogate.physics import ODESimulator
 
 RUNS, N = 2, 300
@@ -52,7 +53,12 @@ def diagnosed(simulator, effect, values):
             OSCILLATOR, "coulomb_friction", ("v", "v"), {"level": 0.5, "onset": 4.2, "end": 8.33}, marks=pytest.mark.slow
         ),
         pytest.param(
-            TANKS, "overflow", ("h", "g"), {"limit": 2.0, "share": 0.8, "onset": 28.3}, marks=pytest.mark.slow
+            TANKS,
+            "overflow",
+            ("h", "g"),
+            {"limit": 2.0, "share": 0.8, "onset": 28.3},
+            # both levels jump where the overflow begins, as where runs are joined
+            marks=[pytest.mark.slow, pytest.mark.filterwarnings("ignore:The readings of")],
         ),
     ],
 )  # fmt: skip
@@ -92,3 +98,9 @@ def test_an_error_that_ends_says_nothing_of_the_prior_of_its_parameter():
 def test_a_parameter_that_is_always_wrong_has_no_window():
     (effect,) = diagnosed(OSCILLATOR, CATALOGUE["parameter_error"]("gain"), {"relative_error": 0.3}).effects
     assert list(effect.params) == ["relative_error"]
+
+
+def test_an_effect_that_ends_is_a_richer_form_of_itself():
+    stop = CATALOGUE["end_stop"]("rate", "angle")
+    ends, other = starting(stop, ["end"]), starting(CATALOGUE["end_stop"]("rate", "rate"), ["end"])
+    assert richer(ends, stop) and not richer(stop, ends) and not richer(stop, stop) and not richer(other, stop)

@@ -77,10 +77,12 @@ def _class_of(search: BaseSearch[C], named: C, i: int, found: PartialResults) ->
     effect, its_class = named.effects[i], found.class_of(i)
     added = [twin.effect for twin in its_class.twins]
     ahead = [other.key for other in added if richer_form(other, effect)]
-    twins = [other.key for other in added if other.key not in named.keys]
-    richer = [key for key in dict.fromkeys([*ahead, *search.richer.get(effect.key, [])]) if key not in named.keys]
-    known = {*twins, *richer, *named.keys}
+    own = effect.key[:3]  # that it may begin or end goes without saying
+    contain = [key for key in dict.fromkeys([*ahead, *search.richer.get(effect.key, [])]) if key not in named.keys]
+    richer = [key for key in contain if key[:3] != own]
+    known = {*(other.key for other in added), *contain, *named.keys}
     simpler = [form.key for form in special_cases(search, named, i) if form.key not in known]
+    twins = [other.key for other in added if other.key not in named.keys and other.key[:3] != own]
     tied = [name_of(other) for other in added if other.key not in ahead]
     return _Class(twins, richer, simpler, tied, all(twin.same for twin in its_class.twins))
 

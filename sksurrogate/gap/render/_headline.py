@@ -274,7 +274,7 @@ def next_steps(report: ReportData) -> list[str]:
 
 def _remedy(fault: DataFault) -> str:
     """What to do about a fault of the record."""
-    return f"{fault.location or 'Record'}: {fault.remedy}"
+    return f"{fault.location}: {fault.remedy}" if fault.location else fault.remedy
 
 
 def _steps(report: ReportData) -> list[str]:

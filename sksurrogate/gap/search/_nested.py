@@ -19,8 +19,12 @@ CLOCKS = "rate", "time", "phase"
 
 
 def richer(effect: BaseEffect, simple: BaseEffect) -> bool:
-    """Whether an effect is a richer form of a simple one: at its place, in its variable."""
-    return contains(effect, simple) and simple.name in effect.nests
+    """Whether an effect is a richer form of a simple one: at its place, in its variable.
+
+    One that begins or ends is a richer form of itself in all rows.
+    """
+    in_a_window = effect.name == simple.name and len(effect.key) > len(simple.key)
+    return contains(effect, simple) and (simple.name in effect.nests or in_a_window)
 
 
 def contains(effect: BaseEffect, simple: BaseEffect) -> bool:
