@@ -39,8 +39,10 @@ REACH = 1.0
 IDLE_NATS = 0.1
 #: Forces that a noise fit may start from, over the RMS of dx/dt.
 FORCES = (1e-3, 1e-2, 1e-1)
-#: Candidates that keep their linearisation and noise model: as many as one round compares.
+#: Candidates that keep their linearisation: as many as one round compares.
 MOST_KEPT = 32
+#: Candidates that keep their noise model, which is as large as ten sensitivities and quickly made of them.
+FEW_KEPT = 4
 #: A step by less than this share leaves the slopes of a simulator that steps as they are: they cost as much as many of its runs.
 SAME_SLOPES = 2e-3
 #: Steps of a fit, and of one that goes on from another: with finer numerics, or without a fold of runs. Re-tuning alone of a simulator
@@ -88,7 +90,7 @@ class OdeCandidate(BaseCandidate):
         lin = linearise(self.model, self.fit.theta, x, self.problem.units(self.effects, self.fit.theta))
         return replace(self, fit=Fit(self.fit.theta, x, lin.y, np.inf, 0, True, lin))
 
-    @recent_property(MOST_KEPT)
+    @recent_property(FEW_KEPT)
     def disturbance(self) -> Disturbance:
         problem, fit = self.problem, self.fit
         return problem.disturbance_along(self.model, fit.theta, fit.x, self.linearised.A, problem.balances)
