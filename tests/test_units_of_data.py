@@ -13,7 +13,7 @@ from sksurrogate.features import SplineFeatures
 from sksurrogate.gap.decide._ode_access import has_kink
 from sksurrogate.linear import Bounds, Monotone, PenalizedRegressor, Ridge
 from sksurrogate.model_selection import ConformalFreeRun, scan_orders
-from sksurrogate.physics import ODESimulator, TableSimulator, linearise
+from sksurrogate.physics import ODESimulator, TableSimulator, linearise, steady_state
 
 RUNS = np.repeat(np.arange(6), 60)
 
@@ -149,3 +149,23 @@ def test_constraints_hold_in_every_unit(unit):
     np.testing.assert_allclose(monotone(unit), monotone(1.0), rtol=1e-6, atol=1e-9)
     bounded = PenalizedRegressor(constraints=[Bounds(lower=0.0)]).fit(np.c_[x, -x + 0.1 * x**2] * unit, y + x[:, 0])
     assert np.all(bounded.coef_ >= 0)
+
+
+@pytest.mark.parametrize("unit", [1e-9, 1.0, 1e6])
+def test_a_pendulum_rests_or_not_in_every_unit(unit):
+    def rhs(t, x, u, p):
+        return x[1], unit * (u[0] - 9 * np.sin(x[0] / unit)) - 0.5 * x[1]
+
+    plant = ODESimulator(rhs, states=["q", "v"], inputs=["torque"], outputs=["q"], params={}, dt=0.1)
+    np.testing.assert_allclose(steady_state(plant, [4.5]) / unit, [np.pi / 6, 0.0], rtol=1e-9, atol=1e-9)
+    with pytest.raises(SimulatorError, match="no steady state"):
+        steady_state(plant, [12.0])  # beyond the largest torque that it holds
+
+
+def test_a_large_state_hides_no_other_that_moves():
+    def rhs(t, x, u, p):
+        return 1e6 - x[0], x[2], 0.5 - 0.4 * np.sin(x[1]) - 0.5 * x[2] + 0 * u[0]
+
+    plant = ODESimulator(rhs, states=["p", "q", "v"], inputs=["f"], outputs=["q"], params={}, dt=0.1)
+    with pytest.raises(SimulatorError, match="no steady state"):
+        steady_state(plant, [0.0])

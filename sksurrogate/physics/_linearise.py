@@ -15,6 +15,8 @@ from sksurrogate.physics._simulator import describe
 
 #: Longest step of a central difference, in units of the point or of 1, and how many steps, each a tenth of the last, are compared.
 STEP, DECADES = 6e-6, 12
+#: A plant rests where the search converged, or where its rates are at most this share of the terms that make them up.
+AT_REST = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,16 +191,19 @@ def steady_state(simulator: Any, u0: Any, x0: Any = None) -> np.ndarray:
     True
     """
     plant, model, complete = _point(simulator)
-    u, n = _values(u0, "u0", plant.inputs, "inputs")[:, None], len(plant.x0)
+    u, n = _values(u0, "u0", plant.inputs, "inputs"), len(plant.x0)
     start = plant.x0 if x0 is None else _values(x0, "x0", plant.states[:n], "states")
 
-    def moves(x: np.ndarray) -> np.ndarray:
-        value = _value(plant, model, complete(x, u[:, 0])[:, None], u, 0.0)[:n, 0]
+    def moves(x: np.ndarray, u: np.ndarray) -> np.ndarray:
+        value = _value(plant, model, complete(x, u)[:, None], u[:, None], 0.0)[:n, 0]
         return value if plant.access == "rhs" else value - x
 
-    found = root(moves, start, tol=1e-12)
-    if not np.max(np.abs(moves(found.x))) <= 1e-6 * (1.0 + np.max(np.abs(found.x))):
+    found = root(moves, start, args=(u,), tol=1e-12)
+    point = np.r_[found.x, u]
+    J, rate = slopes(lambda z: np.stack([moves(one[:n], one[n:]) for one in z.T], axis=1), point)
+    terms = np.abs(J) @ np.abs(point) + np.abs(moves(start, u))  # what balances at rest, in the unit of each state
+    if not (found.success or np.all(np.abs(rate) <= AT_REST * terms)):
         raise SimulatorError(
-            f"no steady state was found from x0={start.tolist()} at u0={u[:, 0].tolist()}: {found.message} Try another x0."
+            f"no steady state was found from x0={start.tolist()} at u0={u.tolist()}: {found.message} Try another x0."
         )
     return found.x
