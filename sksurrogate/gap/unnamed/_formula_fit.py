@@ -126,7 +126,7 @@ def ranked_laws(search: SetSearch[C], base: Evidence[C], fits: list[FittedLaw]) 
     value = {id(law): score(law.found.candidate) - law.price for law in fits}
     fits.sort(key=lambda law: -value[id(law)])
     best = value[id(fits[0])]
-    near = [law for law in fits if value[id(law)] > best - NATS_THAT_SETTLE]
+    near = [law for law in fits if value[id(law)] >= best - NATS_THAT_SETTLE]
     first = min(near, key=lambda law: (law.found.candidate.n_parameters, places.index((law.location, law.kind))))
     return [first, *(law for law in fits if law is not first)]
 
