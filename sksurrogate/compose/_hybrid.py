@@ -393,6 +393,12 @@ class HybridRegressor(RegressorMixin, BaseEstimator):
                 f"y0 has shape {np.shape(y0)}, expected ({n}, n_outputs) or ({len(runs)}, {n}, n_outputs): "
                 f"the first rows of each run, n_outputs = {o}."
             )
+        if not np.isfinite(given).all():
+            run, row, column = np.argwhere(~np.isfinite(given))[0]
+            raise ValueError(
+                f"y0 is not finite at row {row}, output {column} of run {run}: interpolate it first "
+                "(sksurrogate.features.Interpolator), or start the run later."
+            )
         return [g[: len(run)] for g, run in zip(given, runs)]
 
     def _shaped(self, runs: Runs, parts: list[np.ndarray]) -> np.ndarray:

@@ -14,6 +14,7 @@ from sklearn.utils.validation import _check_feature_names_in, check_is_fitted
 
 from sksurrogate._checks import checked, is_checked_frame
 from sksurrogate.exceptions import DataError
+from sksurrogate.features._kept_run import kept_run
 from sksurrogate.runs import Runs, resolve_runs
 
 
@@ -120,10 +121,7 @@ class BaseCleaner(TransformerMixin, BaseEstimator, ABC):
         out = runs.stack([self._repair(run.X, mask) for run, mask in zip(runs, masks)])
         extra = [runs.stack([mask.astype(float) for mask in masks])] if self.add_indicator else []
         if self._keeps:
-            labels = np.full((len(out), 1), np.nan)
-            for run in runs:
-                labels[run.start : run.stop] = float(run.label)
-            extra.append(labels)
+            extra.append(kept_run(runs)[:, None])
         return np.hstack([out, *extra]) if extra else out
 
     def fit_transform(self, X: Any, y: Any = None, groups: Any = None) -> np.ndarray:

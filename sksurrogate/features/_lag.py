@@ -15,6 +15,7 @@ from sklearn.utils.validation import _check_feature_names_in, check_is_fitted
 from sksurrogate._checks import checked, is_checked_frame
 from sksurrogate._lags import lag_terms
 from sksurrogate.exceptions import DataError
+from sksurrogate.features._kept_run import kept_run
 from sksurrogate.runs import Runs, resolve_runs
 
 #: Rows that are written at a time, and numbers of a lag matrix from which threads share the work.
@@ -206,9 +207,7 @@ class LagEmbedding(TransformerMixin, BaseEstimator):
         out = np.empty((runs.n_samples, len(self.columns_) + self._keeps), order="F")
         _write_lags(runs, self.columns_, self.fill, out)
         if self._keeps:
-            out[:, -1] = np.nan
-            for run in runs:
-                out[run.start : run.stop, -1] = float(run.label)
+            out[:, -1] = kept_run(runs)
         return out
 
     def fit_transform(self, X: Any, y: Any = None, groups: Any = None) -> np.ndarray:

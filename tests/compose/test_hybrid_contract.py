@@ -235,3 +235,12 @@ def test_figure_8_is_closed_to_95_percent_in_every_draw():
         first = np.stack([new_y[new == k][:5] for k in range(16)])[:, :, None]
         before = np.concatenate([simulator.simulate(new_X[new == k], x0=first[k, 0])[:, 0] for k in range(16)])
         assert _closed(before, hybrid.predict(new_X, y0=first, groups=new), new_y, 0.02) > 0.95, f"draw {seed}"
+
+
+def test_first_rows_that_are_not_finite_are_refused_by_name():
+    X, y, groups = make_reactor_runs(4, 60, noise=0.01, random_state=0)
+    hybrid = HybridRegressor(linear_reactor()).fit(X, y, groups=groups)
+    first = y[: hybrid.n_initial_].copy()
+    first[1] = np.nan
+    with pytest.raises(ValueError, match="y0 is not finite at row 1, output 0 of run 0"):
+        hybrid.predict(X[:60], y0=first)

@@ -10,7 +10,7 @@ from sklearn.utils import estimator_checks as checks
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
 from sksurrogate.exceptions import DataError, RunError
-from sksurrogate.features import LagEmbedding
+from sksurrogate.features import Interpolator, LagEmbedding
 from sksurrogate.features._lag import _whole
 from sksurrogate.runs import resolve_runs
 
@@ -151,3 +151,12 @@ def test_lags_that_mean_nothing_are_refused(lags):
 def test_a_fill_that_is_no_policy_is_refused(fill):
     with pytest.raises(DataError, match=r"fill=.* must be .edge., .nan. or a number"):
         LagEmbedding(1, fill=fill).fit(np.ones((3, 1)))
+
+
+@pytest.mark.parametrize("step", [LagEmbedding(1, run="run", keep_run=True), Interpolator(run="run", keep_run=True)])
+def test_a_run_that_is_kept_beside_numbers_has_a_number(step):
+    frame = pd.DataFrame({"run": ["a", "a", "b"], "u": [1.0, 2.0, 3.0]})
+    with pytest.raises(DataError, match="run 'a' is no number"):
+        step.fit_transform(frame)
+    numbered = step.fit_transform(frame.assign(run=pd.factorize(frame["run"])[0]))
+    assert numbered[:, -1].tolist() == [0.0, 0.0, 1.0]
