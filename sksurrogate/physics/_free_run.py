@@ -20,7 +20,7 @@ TOLERANCE = 1e-8
 #: Evaluations of the right-hand side in a stretch, beside 2000 a sample, after which the integrator counts as stuck.
 MOST_EVALUATIONS = 20_000
 #: Share of a sample after which states that begin at 0 show their size.
-AT_ONCE = 1e-6
+FIRST_INSTANT = 1e-6
 #: More substeps than this and the plant counts as stiff.
 MOST_PLANT_SUBSTEPS = 48
 #: Runs of more samples are closed window by window where many points cost little more than one.
@@ -239,7 +239,7 @@ def _adaptive(
         """What states at 0 reach in some short steps, in which each moves the next; 1 where they stay."""
         x = X[a]
         for _ in x:
-            x = x + AT_ONCE * (t[a + 1] - t[a]) * derivative(t[a], x[:, None], U[a][:, None])[:, 0]
+            x = x + FIRST_INSTANT * (t[a + 1] - t[a]) * derivative(t[a], x[:, None], U[a][:, None])[:, 0]
         return np.where(np.isfinite(x) & (x != 0), np.abs(x), 1.0)
 
     for a, b in itertools.pairwise(_edges(U, order)):

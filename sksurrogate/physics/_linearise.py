@@ -14,7 +14,7 @@ from sksurrogate.physics._model import PlantModel
 from sksurrogate.physics._simulator import describe
 
 #: Longest step of a central difference, in units of the point or of 1, and how many steps, each a tenth of the last, are compared.
-STEP, DECADES = 6e-6, 12
+LONGEST_STEP, DECADES = 6e-6, 12
 #: A plant rests where the search converged, or where its rates are at most this share of the terms that make them up.
 AT_REST = 1e-6
 
@@ -103,7 +103,7 @@ def slopes(function: Callable[[np.ndarray], np.ndarray], z: np.ndarray) -> tuple
     True
     """
     n = len(z)
-    width = STEP * np.maximum(np.abs(z), 1.0) * 0.1 ** np.arange(DECADES)[:, None]  # (n_widths, n)
+    width = LONGEST_STEP * np.maximum(np.abs(z), 1.0) * 0.1 ** np.arange(DECADES)[:, None]  # (n_widths, n)
     aside = (width[:, :, None] * np.eye(n)).reshape(-1, n).T
     at = function(z[:, None] + np.concatenate([aside, -aside, np.zeros((n, 1))], axis=1))
     up, down = at[:, : aside.shape[1]], at[:, aside.shape[1] : -1]
