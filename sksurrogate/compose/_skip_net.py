@@ -70,7 +70,7 @@ class SkipNet:
         return z @ self.skip + h @ self.out + self.bias, by_phi, np.concatenate(by_theta, axis=2)
 
     def in_units(self, features: np.ndarray, outputs: np.ndarray) -> SkipNet:
-        """The same map where numbers of the features and of the outputs are so many times as large."""
+        """The same map in other units: features and outputs are multiplied by these factors."""
         return replace(
             self,
             mean=self.mean * features,

@@ -177,7 +177,7 @@ class DiagnosisState(Generic[C]):
             error=shrink.before if np.isfinite(shrink.before) else np.inf,
             curve=law.gain if law is not None else -np.inf,
             curve_moved=law.deviation if law is not None else 0.0,
-            learned=closes_clearly_more(shrink.fraction_correction, shrink.fraction),
+            correction_closes_more=closes_clearly_more(shrink.fraction_correction, shrink.fraction),
             repeats=len(self.labels) < 2 or not np.isfinite(shrink.fraction_law) or certified_law(shrink),
             rounding=rounding.share if rounding is not None else 0.0,
             noisy_input=bool(self.noisy_inputs),

@@ -35,8 +35,8 @@ SMALL_NET, FEW_ROWS = 300, 20_000
 MEMORY = 2_000
 #: Rows up to which rows that repeat are merged, so that weights and repetitions give the same bits.
 TRAINING_MERGE_ROWS = 5_000
-#: Scale of a column that never moved in training: what it does later has no say.
-NO_SAY = 1e12
+#: Scale of a column that never moved in training: later changes of it have no effect.
+SCALE_OF_CONSTANTS = 1e12
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ def prepare(X: np.ndarray | RowSource, Y: np.ndarray, weights: np.ndarray | None
         X, Y, weights = X[kept], Y[kept], weights[kept]
     if len(X) <= TRAINING_MERGE_ROWS:
         X, Y, weights = merge_rows(X[:], Y, weights)
-    mean, scale = _moments(X, weights, NO_SAY)
+    mean, scale = _moments(X, weights, SCALE_OF_CONSTANTS)
     shift, gain = _moments(Y, weights, 1.0) if linear_output else (np.zeros(Y.shape[1]), np.ones(Y.shape[1]))
     return Rows(X, Y, weights, mean, scale, shift, gain)
 

@@ -35,7 +35,7 @@ OF_SCIPY = (
 #: The way out of a run that diverged.
 REMEDY = (
     'Check x0, the units of the inputs and the signs in rhs. A stiff plant may want method="LSODA" or a smaller dt; an rhs that jumps '
-    "(np.sign, an if) holds the integrator where the plant rests on the jump: write np.tanh(v / width)."
+    "(np.sign, an if) stops the integrator where the plant rests on the jump: write np.tanh(v / width)."
 )
 
 Derivative = Callable[[Any, np.ndarray, np.ndarray], np.ndarray]
@@ -232,7 +232,7 @@ def _adaptive(
         spent, budget = 0, MOST_EVALUATIONS + 2_000 * (b - a)
         longest = np.inf if order == 0 else float(np.max(np.diff(t)))
         span, rows = (t[a], t[b]), t[a : b + 1]
-        fine = np.maximum(1e-10 * np.where(size > 0, size, reached_soon(a)), least)
+        fine = np.maximum(1e-10 * (size if np.all(size > 0) else np.where(size > 0, size, reached_soon(a))), least)
         return solve_ivp(rhs, span, X[a], method=method, t_eval=rows, args=(a,), rtol=1e-8, atol=fine, max_step=longest)
 
     def reached_soon(a: int) -> np.ndarray:

@@ -104,9 +104,9 @@ def slopes(function: Callable[[np.ndarray], np.ndarray], z: np.ndarray) -> tuple
     """
     n = len(z)
     width = LONGEST_STEP * np.maximum(np.abs(z), 1.0) * 0.1 ** np.arange(DECADES)[:, None]  # (n_widths, n)
-    aside = (width[:, :, None] * np.eye(n)).reshape(-1, n).T
-    at = function(z[:, None] + np.concatenate([aside, -aside, np.zeros((n, 1))], axis=1))
-    up, down = at[:, : aside.shape[1]], at[:, aside.shape[1] : -1]
+    offsets = (width[:, :, None] * np.eye(n)).reshape(-1, n).T
+    at = function(z[:, None] + np.concatenate([offsets, -offsets, np.zeros((n, 1))], axis=1))
+    up, down = at[:, : offsets.shape[1]], at[:, offsets.shape[1] : -1]
     found = ((up - down) / (2 * width).ravel()).reshape(len(at), DECADES, n)
     first, second = found[:, :-1], found[:, 1:]
     size = np.maximum(np.abs(first), np.abs(second))

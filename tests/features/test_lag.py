@@ -156,7 +156,7 @@ def test_a_fill_that_is_no_policy_is_refused(fill):
 @pytest.mark.parametrize("step", [LagEmbedding(1, run="run", keep_run=True), Interpolator(run="run", keep_run=True)])
 def test_a_run_that_is_kept_beside_numbers_has_a_number(step):
     frame = pd.DataFrame({"run": ["a", "a", "b"], "u": [1.0, 2.0, 3.0]})
-    with pytest.raises(DataError, match="run 'a' is no number"):
+    with pytest.raises(DataError, match="run 'a' is not a number"):
         step.fit_transform(frame)
     numbered = step.fit_transform(frame.assign(run=pd.factorize(frame["run"])[0]))
     assert numbered[:, -1].tolist() == [0.0, 0.0, 1.0]

@@ -210,10 +210,10 @@ def test_names_that_pass_the_certificate_leave_no_more_than_half_of_the_power():
 def test_what_a_generic_correction_learns_is_no_disturbance():
     left = replace(NAMED, share_left=0.15, left=5.0, after=0.06, error=0.42)
     assert decide(left)[1].rule == "disturbance_left"
-    assert decide(replace(left, learned=True))[0] == "partial"
+    assert decide(replace(left, correction_closes_more=True))[0] == "partial"
     alone = DecisionFeatures(error=0.05, after=0.05, left=5.1, lawful=0.05)
     assert decide(alone)[0] == "none"
-    assert decide(replace(alone, learned=True))[0] == "unknown"
+    assert decide(replace(alone, correction_closes_more=True))[0] == "unknown"
 
 
 def test_uncertain_names_of_a_small_gap_near_the_noise_are_none():

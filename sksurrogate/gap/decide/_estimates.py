@@ -77,7 +77,7 @@ def _class_of(search: BaseSearch[C], named: C, i: int, found: PartialResults) ->
     effect, its_class = named.effects[i], found.class_of(i)
     added = [twin.effect for twin in its_class.twins]
     ahead = [other.key for other in added if richer_form(other, effect)]
-    own = effect.key[:3]  # that it may begin or end goes without saying
+    own = effect.key[:3]  # the same effect with a beginning or an end is not listed
     contain = [key for key in dict.fromkeys([*ahead, *search.richer.get(effect.key, [])]) if key not in named.keys]
     richer = [key for key in contain if key[:3] != own]
     known = {*(other.key for other in added), *contain, *named.keys}

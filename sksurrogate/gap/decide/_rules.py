@@ -40,7 +40,7 @@ class DecisionFeatures:
     #: deviation
     curve: float = -np.inf
     curve_moved: float = 0.0
-    learned: bool = False  #: Whether the generic correction closes clearly more on runs left out
+    correction_closes_more: bool = False  #: Whether the generic correction closes clearly more on runs left out
     repeats: bool = True  #: Whether a law that was looked for closes a practical share on runs left out; of one run that is not known
     rounding: float = 0.0  #: Error of a coarse grid of readings that nothing names, over the deviation of the output
     noisy_input: bool = False  #: Whether the gap is no larger than the noise of a measured input makes it
@@ -87,7 +87,7 @@ def certain(f: DecisionFeatures) -> bool:
 
 def leaves_a_disturbance(f: DecisionFeatures) -> bool:
     """What is left follows no law that repeats, no generic correction learns it, and it is small beside the outputs."""
-    return not f.learned and (f.lawful <= f.tolerance or not f.repeats) and f.after < LARGEST_DISTURBANCE
+    return not f.correction_closes_more and (f.lawful <= f.tolerance or not f.repeats) and f.after < LARGEST_DISTURBANCE
 
 
 def small_and_near(f: DecisionFeatures) -> bool:
