@@ -244,7 +244,8 @@ def check_place(effect: BaseEffect, plant: Plant) -> None:
         )
     if effect.variable is None:
         return
-    signals = named[effect.kind] if effect.kind in ("input", "output") else plant.states + plant.inputs
+    beside_inputs = {"input": (), "output": plant.outputs}.get(effect.kind, plant.states)
+    signals = beside_inputs + plant.inputs
     for name in effect.variable.split("*"):
         if name not in signals:
             raise DataError(

@@ -141,7 +141,7 @@ def _experiment(plant: Plant) -> tuple[Record, np.ndarray]:
 def _probe(effect: BaseEffect, plant: Plant, record: Record, X: np.ndarray, Y: np.ndarray) -> Probe:
     """What the experiment shows at the place of the effect."""
     states, inputs, outputs = dict(zip(plant.states, X)), dict(zip(plant.inputs, record.u)), dict(zip(plant.outputs, Y))
-    signals = {"input": inputs, "output": outputs}.get(effect.kind, {**inputs, **states})
+    signals = {**inputs, **{"input": {}, "output": outputs}.get(effect.kind, states)}
     factors = tuple(signals[name] for name in effect.variable.split("*")) if effect.variable else ()
     x = signals.get(str(effect.location), X[0])
     v = np.prod(factors, axis=0) if factors else (x if effect.kind in ("input", "output") else None)

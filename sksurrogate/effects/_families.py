@@ -279,8 +279,17 @@ class SensorEffect(BaseEffect):
     folds: ClassVar[bool] = False
 
     def read(self, y: np.ndarray, v: np.ndarray | None, t: np.ndarray, theta: Sequence[Any]) -> np.ndarray:
-        """The reading of a sensor without memory, from the output ``y``, another output ``v`` and the time."""
+        """The reading of a sensor without memory, from the output ``y``, another output or an input ``v`` and the time."""
         return y
+
+    def beside(self, outputs: Sequence[str], y: Any, inputs: Sequence[str], u: Any) -> Any:
+        """What drives it beside its own output: another output without its sensor, or an input; None where nothing does.
+
+        ``y``, ``u``: values of the outputs and of the inputs, in the order of their names.
+        """
+        if self.variable is None:
+            return None
+        return y[outputs.index(self.variable)] if self.variable in outputs else u[inputs.index(self.variable)]
 
     def soft(
         self,

@@ -294,12 +294,12 @@ class ParameterLawEffect(_Formula, ParameterEffect):  # type: ignore[misc]
 
 
 class SensorLawEffect(_Formula, SensorEffect):  # type: ignore[misc]
-    """A law is added to a reading: ``y + f(y, v)``, v another output.
+    """A law is added to a reading: ``y + f(y, v)``, v another output or an input.
 
     Parameters
     ----------
     location, variable, terms, values, free
-        As :class:`LawEffect`; ``variable`` is another output, or None.
+        As :class:`LawEffect`; ``variable`` is another output or an input, or None.
 
     Examples
     --------

@@ -26,7 +26,8 @@ def read_sensors(
     ``raw`` (n_outputs, n_columns, n_samples): outputs along x.
     ``sharp``: whether readings that jump are not smoothed.
     """
-    record, outputs = bound.record, bound.a.plant.outputs
+    record, plant = bound.record, bound.a.plant
+    outputs = plant.outputs
     sensors = sorted(sensors, key=lambda item: item[0].order)
     y = raw.copy()
     paths: dict[int, SensorPath] = {}
@@ -48,8 +49,7 @@ def read_sensors(
     for effect, values in sensors:
         if not effect.memory:
             place = outputs.index(str(effect.location))
-            other = raw[outputs.index(effect.variable)] if effect.variable else None
-            given = (y[place], other, record.t, values)
+            given = (y[place], effect.beside(outputs, raw, plant.inputs, bound.shown), record.t, values)
             y[place] = (
                 effect.read(*given) if sharp else effect.soft(*given, 1.0 / bound.a.sharpness, record.readings(place))
             )

@@ -204,6 +204,5 @@ class SampledForm:
             y[place] = slow.reading(x[room], y[place], t)
         for effect, values in self.readers:
             place = names.index(str(effect.location))
-            other = raw[names.index(effect.variable)] if effect.variable else None
-            y[place] = effect.read(y[place], other, t, values)
+            y[place] = effect.read(y[place], effect.beside(names, raw, self.plant.inputs, shown), t, values)
         return y

@@ -149,20 +149,20 @@ class SensorDelay(SensorEffect):
 
 
 class SensorCoupling(SensorEffect):
-    """Another output leaks in: ``y + c v``."""
+    """Another output leaks in, or an input reaches the sensor at once: ``y + c v``."""
 
     name = "sensor_coupling"
     rarity = 10.0
     order = 2
     parameters = (Parameter("coefficient", unit="y over v"),)
-    equation = "y + c v, v another output"
-    signature = "a residual that follows another output without delay"
+    equation = "y + c v, v another output or an input"
+    signature = "a residual that follows another output, or an input, without delay"
     twins = ("sensor_gain", "input_coupling", "exchange")
 
     @classmethod
     def variables(cls, plant: Plant, location: str) -> Sequence[str | None]:
-        """The other outputs."""
-        return tuple(name for name in plant.outputs if name != location)
+        """The other outputs, and the inputs."""
+        return (*(name for name in plant.outputs if name != location), *plant.inputs)
 
     def read(self, y: np.ndarray, v: np.ndarray | None, t: np.ndarray, theta: Sequence[Any]) -> np.ndarray:
         return y + theta[0] * v

@@ -304,8 +304,8 @@ class AugmentedSimulator(BaseSimulator):
         acting = [(e.order, e, g) for e, g in paired(self.effects, self.values) if isinstance(e, SensorEffect)]
         for _, effect, given in sorted(acting, key=lambda item: item[0]):
             i = names.index(str(effect.location))
-            other = plain[names.index(effect.variable)] if effect.variable else None
-            y[i] = effect.read(y[i], other, t, values_of(effect, given))
+            beside = effect.beside(names, plain, list(self.inputs), u)
+            y[i] = effect.read(y[i], beside, t, values_of(effect, given))
         return y
 
     # ---- where it goes to -------------------------------------------------------------------------------------------

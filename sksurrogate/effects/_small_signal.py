@@ -177,8 +177,7 @@ class SmallSignal:
                 continue
             place = names.index(str(effect.location))
             if part is None:
-                other = raw[names.index(effect.variable)] if effect.variable else None
-                y[place] = effect.read(y[place], other, t, values)
+                y[place] = effect.read(y[place], effect.beside(names, raw, self.plant.inputs, shown), t, values)
             else:
                 changed = _through(part, x, room, y[place], rates, fill)
                 y[place] = y[place] + _share(effect, values, t) * (changed - y[place])

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -91,7 +92,8 @@ def trajectory_runs(
     acting = U if plant.inputs == () else acting_inputs(plant, effects, parts, U, dt)
     Y = plain_runs(retuned_simulator(plant.simulator, changed), acting, X0, t)
     outputs = plant.outputs or tuple(f"y{k}" for k in range(Y.shape[2]))
-    return np.stack([readings(outputs, effects, parts, y, times, dt) for y in Y])
+    seen = replace(plant, outputs=tuple(outputs))
+    return np.stack([readings(seen, effects, parts, y, u, times, dt) for y, u in zip(Y, acting)])
 
 
 def acting_inputs(
@@ -127,10 +129,19 @@ def acting_rows(
 
 
 def readings(
-    outputs: Sequence[str], effects: list[BaseEffect], parts: list[np.ndarray], Y: np.ndarray, t: np.ndarray, dt: float
+    plant: Plant,
+    effects: list[BaseEffect],
+    parts: list[np.ndarray],
+    Y: np.ndarray,
+    U: np.ndarray,
+    t: np.ndarray,
+    dt: float,
 ) -> np.ndarray:
-    """Readings of the sensors (n_samples, n_outputs); between the samples the output runs along cubics."""
-    raw, y = Y.T, Y.T.copy()
+    """Readings of the sensors (n_samples, n_outputs); between the samples the output runs along cubics.
+
+    ``U`` (n_samples, n_inputs): inputs behind the actuators.
+    """
+    outputs, raw, y = plant.outputs, Y.T, Y.T.copy()
     one, paths = np.array([0]), {}
     acting = sorted(
         ((e, p) for e, p in zip(effects, parts) if isinstance(e, SensorEffect)), key=lambda item: item[0].order
@@ -146,5 +157,5 @@ def readings(
             paths[i] = follow(paths[i], [np.array([[value]]) for value in values], dt, one)
             y[i] = paths[i].y[0]
         else:
-            y[i] = effect.read(y[i], raw[outputs.index(effect.variable)] if effect.variable else None, t, list(values))
+            y[i] = effect.read(y[i], effect.beside(outputs, raw, plant.inputs, U.T), t, list(values))
     return y.T

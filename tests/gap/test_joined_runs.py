@@ -73,8 +73,16 @@ def test_what_the_simulator_does_too_is_no_seam():
     )  # fmt: skip
     X = np.repeat(np.random.default_rng(2).uniform(-2, 2, N // 15), 15)[:, None]
     y = np.roll(fast.simulate(X), 2, axis=0)
-    assert len(joined_at(y)[0].rows) >= 3
+    assert len(joined_at(y)[0]) >= 3
     assert said(X, y, None, fast) == []
+
+
+def test_what_an_input_does_to_the_reading_at_once_is_no_seam():
+    """A series resistance that the simulator does not have; the runs behind it are seen as before."""
+    X, y, groups = record(("angle",))
+    assert said(X, y + 0.8 * X, groups, arm(outputs=("angle",))) == []
+    (sentence,) = said(X, y + 0.8 * X, None, arm(outputs=("angle",)))
+    assert "rows 150, 300, 450" in sentence
 
 
 def test_levels_of_a_coarse_sensor_are_no_seams():

@@ -92,7 +92,7 @@ def law_of(beside: CertifiedLaw, plant: Plant, shrink: Shrink) -> Law:
     theta = candidate.theta_of(i)
     spread = np.maximum(high - theta, theta - low) / BAND
     names = [p.name for p in effect.parameters]
-    signals = dict(zip(plant.outputs, candidate.fit.y)) if fitted.kind == "output" else candidate.signals
+    signals = candidate.signals | (dict(zip(plant.outputs, candidate.fit.y)) if fitted.kind == "output" else {})
     drivers = sorted({n for term in effect.terms for f in term.factors for n in signal_names(f[1])} & set(signals))
     return Law(
         fitted.location,

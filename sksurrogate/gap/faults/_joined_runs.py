@@ -5,7 +5,6 @@ from __future__ import annotations
 import warnings
 from collections import Counter
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 
@@ -28,24 +27,20 @@ LEAST_JUMPS = 3
 NOISE_AT_LEAST = 1e-3
 #: Rows of a run: fewer between two jumps are a part of the motion, as where inputs were written as outputs.
 SHORTEST_RUN = 8
-
-
-class Jumps(NamedTuple):
-    """Of one output: rows to which it jumps, and how far."""
-
-    rows: np.ndarray
-    sizes: np.ndarray
+#: Least squares, each weighted by what the last one leaves, that give the least sum of absolute deviations.
+REWEIGHTED = 20
 
 
 def say_joined_runs(runs: Sequence[Run], plant: Plant) -> None:
     """Warn where the readings of a run jump as where another begins."""
     for run in runs:
         assert run.y is not None
-        found = joined_at(run.y)
-        if not any(len(jumps.rows) for jumps in found):
+        own = run.y - shown_at_once(run.X, run.y)
+        found = joined_at(own)
+        if not any(len(rows) for rows in found):
             continue
         moves = _largest_steps(plant, run.X)
-        beyond = [jumps.rows[EXPECTED * jumps.sizes > most] for jumps, most in zip(found, moves)]
+        beyond = [rows[EXPECTED * sizes_at(rows, z) > most] for rows, z, most in zip(found, own.T, moves)]
         starts = np.unique(np.concatenate(beyond))
         shortest = min(np.min(np.diff([0, *rows, len(run.y)])) for rows in beyond)
         if not len(starts) or shortest < SHORTEST_RUN:
@@ -55,30 +50,57 @@ def say_joined_runs(runs: Sequence[Run], plant: Plant) -> None:
         warnings.warn(JOINED.format(names=names, rows=rows), UserWarning, stacklevel=2)
 
 
-def joined_at(y: np.ndarray) -> list[Jumps]:
-    """Jumps of every output by more than a level of its grid; none unless two outputs jump at once or there are many jumps.
+def shown_at_once(X: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """What inputs (n_rows, n_inputs) add to readings (n_rows, n_outputs) in the same row.
+
+    Moves of the readings over those of the inputs, with the least sum of absolute deviations: a run that begins is an outlier.
+
+    >>> moves = np.repeat([0.0, 3.0, 1.0], 4)[:, None]
+    >>> float(np.ptp(5.0 * moves - shown_at_once(moves, 5.0 * moves)).round(9))
+    0.0
+    """
+    du, dy, out = np.diff(X, axis=0), np.diff(y, axis=0), np.zeros(y.shape)
+    for j, moved in enumerate(dy.T):
+        known = ~np.isnan(moved) & np.any(du != 0.0, axis=1)
+        gain, weights = np.zeros(X.shape[1]), np.ones(known.sum())
+        for _ in range(REWEIGHTED if known.any() else 0):
+            gain = np.linalg.lstsq(weights[:, None] * du[known], weights * moved[known], rcond=None)[0]
+            left = np.abs(moved[known] - du[known] @ gain)
+            weights = 1.0 / np.sqrt(np.maximum(left, max(1e-9 * float(np.max(left)), 1e-300)))
+        out[:, j] = X @ gain
+    return out
+
+
+def sizes_at(rows: np.ndarray, z: np.ndarray) -> np.ndarray:
+    """How far readings (n_rows,) at some rows are from the last ones before."""
+    known = np.flatnonzero(~np.isnan(z))
+    return np.abs(z[rows] - z[known[np.searchsorted(known, rows) - 1]])
+
+
+def joined_at(y: np.ndarray) -> list[np.ndarray]:
+    """Rows to which every output jumps by more than a level of its grid; none unless two outputs jump at once or there are many jumps.
 
     ``y`` (n_rows, n_outputs): nan where nothing was measured.
 
     >>> fall = np.exp(-0.05 * np.arange(100.0))
-    >>> [jumps.rows.tolist() for jumps in joined_at(np.tile(np.c_[fall, 2.0 * fall], (2, 1)))]
+    >>> [rows.tolist() for rows in joined_at(np.tile(np.c_[fall, 2.0 * fall], (2, 1)))]
     [[100], [100]]
     """
     found = [_jumps(column) for column in y.T]
-    outputs = Counter(np.concatenate([jumps.rows for jumps in found]).tolist())  # that jump at a row
+    outputs = Counter(np.concatenate(found).tolist())  # that jump at a row
     several = max(outputs.values(), default=0) > 1 or len(outputs) >= LEAST_JUMPS
-    return found if several else [Jumps(jumps.rows[:0], jumps.sizes[:0]) for jumps in found]
+    return found if several else [rows[:0] for rows in found]
 
 
-def _jumps(y: np.ndarray) -> Jumps:
-    """Of one output (n_rows,), nan where it was not measured."""
+def _jumps(y: np.ndarray) -> np.ndarray:
+    """Rows to which one output (n_rows,) jumps, nan where it was not measured."""
     rows = np.flatnonzero(~np.isnan(y))
     known = y[rows]
     sd = float(noise_of_differences(known[None], np.array([0]))[0]) if len(known) > 4 else np.inf
     at = jumps_that_stay(known, max(sd, NOISE_AT_LEAST * float(np.std(known))) if len(known) else np.inf)
     sizes = np.abs(known[at] - known[at - 1])
     grid = max(lattice_steps(known), default=0.0) if len(at) else 0.0
-    return Jumps(rows[at[sizes > ONE_STEP * grid]], sizes[sizes > ONE_STEP * grid])
+    return np.asarray(rows[at[sizes > ONE_STEP * grid]])
 
 
 def _largest_steps(plant: Plant, X: np.ndarray) -> np.ndarray:

@@ -107,10 +107,10 @@ class Simulations:
         if not any(effect.kind == "output" for effect in effects):
             return self.at_stamps(y)
         record, parts = self.record, parts_of(effects, theta)[:-1]
-        out = y.copy()
+        out, acting = y.copy(), self.acting(effects, theta)
         for a, b in record.spans:
             t = record.t[a:b] - record.t[a]
-            out[:, a:b] = readings(self.plant.outputs, list(effects), parts, y[:, a:b].T, t, record.dt).T
+            out[:, a:b] = readings(self.plant, list(effects), parts, y[:, a:b].T, acting[:, a:b].T, t, record.dt).T
         return self.at_stamps(out)
 
     def at_stamps(self, y: np.ndarray) -> np.ndarray:

@@ -12,6 +12,7 @@ from sksurrogate.effects._law import AnyLaw, LawEffect, law_effect
 from sksurrogate.gap.fit._ode import OdeCandidate
 from sksurrogate.gap.fit._pushes import at_end
 from sksurrogate.gap.unnamed._channel import Channel
+from sksurrogate.gap.unnamed._law_places import shown_inputs
 from sksurrogate.gap.unnamed._law_shapes import filtered, varies
 from sksurrogate.kernels.record import Record
 
@@ -97,7 +98,7 @@ def past_name(name: str) -> str:
 
 
 def drivers_at(base: OdeCandidate, channel: Channel, changes: Sequence[float]) -> Drivers:
-    """Signals that may drive a law at the place of a channel: states and inputs in a balance or a parameter, outputs at a sensor.
+    """Signals that may drive a law at the place of a channel: states and inputs in a balance or a parameter, outputs and inputs at a sensor.
 
     At an input these are inputs, and states where no single balance stands for its port; at a further port both.
     """
@@ -105,7 +106,8 @@ def drivers_at(base: OdeCandidate, channel: Channel, changes: Sequence[float]) -
     plant, record, location, kind = problem.plant, channel.record, channel.location, channel.kind
     assert channel.x is not None
     if kind == "output":
-        return Drivers(channel, dict(zip(plant.outputs, base.fit.y)), {}, changes=changes)
+        seen = {**dict(zip(plant.outputs, base.fit.y)), **dict(zip(plant.inputs, shown_inputs(base)))}
+        return Drivers(channel, seen, {}, changes=changes)
     states, inputs = dict(zip(plant.states, channel.x)), dict(zip(plant.inputs, record.u))
     if kind == "input":
         states = states if channel.n_moved > 1 or location not in inputs else {}

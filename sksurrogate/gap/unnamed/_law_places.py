@@ -27,6 +27,7 @@ from sksurrogate.gap.unnamed._law_shapes import (
     staircases,
     static,
     surfaces,
+    varies,
 )
 from sksurrogate.kernels.disturbance import Disturbance
 
@@ -49,7 +50,10 @@ class PlacedSignal(NamedTuple):
 
 
 def in_all_places(base: OdeCandidate) -> Iterator[PlacedSignal]:
-    """Laws of near states and inputs in every balance, of each input in its place, of an element's flow, of near outputs in every sensor."""
+    """Laws of near states and inputs in every balance, of each input in its place, of an element's flow, of near outputs in every sensor.
+
+    An input enters a sensor at once: by its past, which is its way through the plant, it would explain any balance that is off.
+    """
     problem, D = base.problem, base.disturbance
     plant, record = problem.plant, problem.record
     moved = partial(response, D)
@@ -81,7 +85,8 @@ def in_all_places(base: OdeCandidate) -> Iterator[PlacedSignal]:
         law = law._replace(functions=over_sample(record, law.functions))
         yield PlacedSignal(element.parameter, "parameter", law, partial(moved, push, law.functions))
     readings = base.fit.y
-    of_readings = [*laws(record, readings, plant.outputs, plant.outputs), *times]
+    at_once = [SignalForms(name, *static(z)) for name, z in zip(plant.inputs, shown_inputs(base)) if varies(z)]
+    of_readings = [*laws(record, readings, plant.outputs, plant.outputs), *at_once, *times]
     for o, name in enumerate(plant.outputs):
         for law in [*of_readings, *staircases(readings[o], name)]:
             if not is_near(problem.near, name, law.signals):
@@ -92,6 +97,11 @@ def in_all_places(base: OdeCandidate) -> Iterator[PlacedSignal]:
 def forms_of_places(base: OdeCandidate) -> Counter[tuple[str, str]]:
     """How many forms of laws there are of every signal at every place."""
     return Counter({one.place: len(one.signal.forms) for one in in_all_places(base)})
+
+
+def shown_inputs(candidate: OdeCandidate) -> np.ndarray:
+    """Inputs behind the actuators at the samples, as the sensors see them: (n_inputs, n_samples)."""
+    return np.asarray(candidate.model.bind(candidate.fit.theta[:, None]).shown[:, 0])
 
 
 def reading(n_outputs: int, o: int, f: np.ndarray) -> np.ndarray:
