@@ -11,7 +11,7 @@ from sksurrogate.effects._base_effect import BaseEffect
 from sksurrogate.effects._families import ParameterEffect
 from sksurrogate.effects._onset import Starting
 from sksurrogate.effects._parts import Parameter, Probe
-from sksurrogate.effects._smooth import after
+from sksurrogate.effects._smooth import TINY, after
 from sksurrogate.physics._simulator import Plant
 
 #: Times, as shares of the longest run, at which jumps are tried.
@@ -94,6 +94,10 @@ class ParameterDependence(ParameterEffect):
     """A parameter depends on a signal: ``p (1 + c v + c2)``, as a heat transfer on a flow or an inductance on its current.
 
     It is tried where all other effects leave something without a name, and where it predicts the same as what is named.
+
+    ``curvature``: of the dependence, with ``s = c v + c2``: 0, a straight line ``1 + s``; 1, ``exp(s)``, as a rate of reaction on the
+        temperature; 2, ``1 / (1 - s)``, as the current through a resistance that grows; -1, ``sqrt(1 + 2 s)``. Between them
+        ``(1 + (1 - curvature) s)^(1 / (1 - curvature))``.
     """
 
     name = "parameter_dependence"
@@ -101,12 +105,16 @@ class ParameterDependence(ParameterEffect):
     late = True
     linear = False
     parameters = (Parameter("slope", unit="1 over v"), Parameter("relative_error", grows=True))
-    equation = "p (1 + c v + c2)"
+    equation = "p (1 + c v + c2); curved: p exp(c v + c2), p / (1 - c v - c2), p sqrt(1 + 2 (c v + c2))"
     signature = "a residual as that of a wrong parameter, whose size goes with a signal"
     typical = "the parameter keeps its sign along the data"
     twins = ("parameter_error", "bilinear", "quadratic_loss", "input_curve", "sensor_nonlinearity")
     nests = ("parameter_error",)
     access = "step"
+
+    def __init__(self, location: str | None = None, variable: str | None = None, curvature: float = 0.0):
+        super().__init__(location, variable)
+        self.curvature = curvature
 
     @classmethod
     def variables(cls, plant: Plant, location: str) -> Sequence[str | None]:
@@ -114,11 +122,28 @@ class ParameterDependence(ParameterEffect):
         return (*plant.states, *plant.inputs) if plant.params[location] != 0 else ()
 
     def value(self, p: Any, t: Any, theta: Sequence[Any], width: float, v: Any = 0.0) -> Any:
-        return p * (1 + theta[0] * v + theta[1])
+        s, power = theta[0] * v + theta[1], 1.0 - self.curvature
+        if power == 1.0:
+            return p * (1.0 + s)
+        return p * np.exp(s) if power == 0.0 else p * np.maximum(1.0 + power * s, TINY) ** (1.0 / power)
+
+    def as_curved(self, theta: Any, at: float, curvature: float) -> tuple[float, float] | None:
+        """Slope and relative error of another curvature with the same value and slope at a value of the signal; None where it has none.
+
+        >>> ParameterDependence("k", "T").as_curved((0.5, -2.0), 4.0, 2.0)
+        (0.5, -2.0)
+        """
+        if self.curvature != 0.0 or (factor := 1.0 + theta[0] * at + theta[1]) <= 0.0:
+            return None
+        power = 1.0 - curvature
+        s = np.log(factor) if power == 0.0 else (factor**power - 1.0) / power
+        slope = theta[0] * factor ** (power - 1.0)
+        return float(slope), float(s - slope * at)
 
     def plausible(self, theta: Sequence[float], probe: Probe) -> bool:
         """The parameter keeps its sign along the data."""
-        return probe.v is None or keeps_its_sign(1 + theta[0] * np.asarray(probe.v) + theta[1])
+        power = 1.0 - self.curvature
+        return probe.v is None or keeps_its_sign(1 + power * (theta[0] * np.asarray(probe.v) + theta[1]))
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
         """A tenth more or less for a deviation of the signal, and right at its least, mean or largest value."""

@@ -57,6 +57,7 @@ def estimates(search: BaseSearch[C], final: Evidence[C], found: PartialResults, 
                 before=getattr(effect, "before", None),
                 settled=getattr(effect, "settled", True),
                 corner=getattr(effect, "corner", 0.0),
+                curvature=getattr(effect, "curvature", 0.0),
             )
         )
     return out

@@ -148,8 +148,11 @@ class BaseCandidate(ABC):
         """With its free parameters at their nominal values, the effects as they are; None where that has no free run."""
 
     @abstractmethod
-    def fitted_as(self, effects: tuple[BaseEffect, ...]) -> Any:
-        """With other forms of its effects, of the same parameters, fitted from where it stands; None where that has no free run."""
+    def fitted_as(self, effects: tuple[BaseEffect, ...], theta: np.ndarray | None = None) -> Any:
+        """With other forms of its effects, of the same parameters, fitted from some values of these, where it stands by default.
+
+        None where that has no free run.
+        """
 
     @abstractmethod
     def refitted(self, record: Record) -> BaseCandidate | None:

@@ -160,8 +160,8 @@ class OdeCandidate(BaseCandidate):
     def at_nominal(self) -> OdeCandidate | None:
         return self.frozen(np.r_[self.fit.theta[: self.n_parameters], np.zeros(len(self.problem.free))])
 
-    def fitted_as(self, effects: tuple[BaseEffect, ...]) -> OdeCandidate | None:
-        return self.problem.fit(effects, self.fit.theta, self.fit.x, open_steps=0)
+    def fitted_as(self, effects: tuple[BaseEffect, ...], theta: np.ndarray | None = None) -> OdeCandidate | None:
+        return self.problem.fit(effects, self.fit.theta if theta is None else theta, self.fit.x, open_steps=0)
 
     def refitted(self, record: Record) -> OdeCandidate | None:
         return replace(self.problem, record=record).fit(self.effects, self.fit.theta, self.fit.x, settled=True)

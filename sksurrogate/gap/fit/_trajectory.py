@@ -80,8 +80,8 @@ class TrajectoryCandidate(BaseCandidate):
         nominal = np.zeros(len(self.problem.free))
         return self.with_values(self.effects, np.r_[self.fit.theta[: self.n_parameters], nominal], self.fit.J)
 
-    def fitted_as(self, effects: tuple[BaseEffect, ...]) -> TrajectoryCandidate | None:
-        return self.problem.fit(effects, self.fit.theta, self.fit.J.transpose(1, 0, 2))
+    def fitted_as(self, effects: tuple[BaseEffect, ...], theta: np.ndarray | None = None) -> TrajectoryCandidate | None:
+        return self.problem.fit(effects, self.fit.theta if theta is None else theta, self.fit.J.transpose(1, 0, 2))
 
     def with_values(
         self, effects: tuple[BaseEffect, ...], theta: np.ndarray, J: np.ndarray

@@ -56,7 +56,9 @@ def changes(report: ReportData) -> list[tuple[str, list[str], str]]:
     out = []
     for effect in report.effects:
         what = f"parameter {effect.location}" if effect.name == "parameter_error" else effect_text(effect)
-        out.append((what, change_of(effect, report.nominal, report.units), confidence(effect.probability)))
+        out.append(
+            (what, change_of(effect, report.nominal, report.units, report.ranges), confidence(effect.probability))
+        )
     named = {effect.location for effect in report.effects if is_wrong_parameter(effect)}
     rows = [row for row in report.retuned if "value" in row and row["parameter"] not in named]
     moved = [_retuned(row, report) for row in rows if row.get("moved")]
@@ -225,7 +227,7 @@ def _nearest_law(report: ReportData) -> str:
 
 def _short(effect: EffectEstimate, report: ReportData) -> str:
     """An effect with what it changes and since when, in a few words."""
-    line = change_of(effect, report.nominal, report.units)[0] if effect.params else ""
+    line = change_of(effect, report.nominal, report.units, report.ranges)[0] if effect.params else ""
     change, _, _ = line.partition(" [")
     window = "".join(
         f", {word} t = {quantity(effect.params[name], report.units.get(TIME, ''))}"

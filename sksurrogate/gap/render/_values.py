@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 
 import numpy as np
 
 from sksurrogate.effects._catalogue import in_words
 from sksurrogate.effects._onset import WINDOW
+from sksurrogate.effects._parameter import ParameterDependence
 from sksurrogate.gap.render._units import TIME, parameter_unit, with_unit
 from sksurrogate.gap.results._effect_estimate import EffectEstimate, circumstances
 from sksurrogate.gap.results._report_data import ReportData
@@ -138,10 +140,16 @@ def is_wrong_parameter(effect: EffectEstimate) -> bool:
     return effect.name == "parameter_error" and not set(WINDOW) & set(effect.params)
 
 
-def change_of(effect: EffectEstimate, nominal: Mapping[str, float], units: Mapping[str, str]) -> list[str]:
+def change_of(
+    effect: EffectEstimate,
+    nominal: Mapping[str, float],
+    units: Mapping[str, str],
+    ranges: Mapping[str, tuple[float, float]] = MappingProxyType({}),
+) -> list[str]:
     """What the effect changes, one line a parameter: *before -> after* of the simulator's own, else value and interval.
 
     ``nominal``: parameters of the simulator as it was given.
+    ``ranges``: of the signals along the data; of a parameter that depends on one its values at both ends.
 
     >>> wrong = EffectEstimate("parameter_error", "length", None, 1.0, {"relative_error": 0.25}, {"relative_error": (0.2, 0.3)}, 1.0)
     >>> change_of(wrong, {"length": 2.0}, {"length": "m"})
@@ -153,7 +161,11 @@ def change_of(effect: EffectEstimate, nominal: Mapping[str, float], units: Mappi
     >>> change_of(bristles, {}, {"v": "m/s"})
     ['velocity: not determined by these data']
     """
-    before = nominal.get(effect.location)
+    before, driver = nominal.get(effect.location), str(effect.variable)
+    if before is not None and effect.name == "parameter_dependence" and driver in ranges:
+        rest = {name: value for name, value in effect.params.items() if name != "relative_error"}
+        along = _along(effect, before, ranges[driver], units)
+        return [along, *change_of(replace(effect, params=rest), {}, units)]
     if before is not None and effect.name == "parameter_error" and "relative_error" in effect.params:
         rest = {name: value for name, value in effect.params.items() if name != "relative_error"}
         return [_moved(effect, before, units), *change_of(replace(effect, params=rest), {}, units)]
@@ -167,6 +179,20 @@ def change_of(effect: EffectEstimate, nominal: Mapping[str, float], units: Mappi
         known = f"{text} {interval_text(low, high)}".rstrip()
         lines.append(f"{readable(name)}: {NOT_DETERMINED if 0.0 < low * ANY < high else known}")
     return lines
+
+
+def _along(effect: EffectEstimate, before: float, ends: tuple[float, float], units: Mapping[str, str]) -> str:
+    """A parameter of the simulator, and what it is where the signal that it depends on has its least and its largest value.
+
+    >>> warm = EffectEstimate("parameter_dependence", "R", "T", 1.0, {"slope": 0.01, "relative_error": -0.2}, {}, 1.0)
+    >>> _along(warm, 5.0, (20.0, 60.0), {"R": "ohm", "T": "degC"})
+    'R: 5 ohm -> 5 ohm at T = 20 degC, 7 ohm at T = 60 degC'
+    """
+    form, name = ParameterDependence(curvature=effect.curvature), str(effect.variable)
+    theta, unit = (effect.params["slope"], effect.params["relative_error"]), units.get(effect.location, "")
+    values = [float(form.value(before, 0.0, theta, 0.0, v)) for v in ends]
+    at = (f"{quantity(p, unit)} at {name} = {quantity(v, units.get(name, ''))}" for p, v in zip(values, ends))
+    return f"{effect.location}: {quantity(before, unit)} -> {', '.join(at)}"
 
 
 def _moved(effect: EffectEstimate, before: float, units: Mapping[str, str]) -> str:

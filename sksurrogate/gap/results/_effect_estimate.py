@@ -9,6 +9,8 @@ import numpy as np
 
 #: Half width of a 90 % interval in standard deviations.
 BAND = 1.645
+#: How a parameter depends on a signal, by the curvature of the dependence.
+CURVES = {-1.0: "as a square root", 1.0: "exponentially", 2.0: "as one over a straight line"}
 
 
 @dataclass(frozen=True)
@@ -45,6 +47,9 @@ class EffectEstimate:
         of their first rows.
     corner : float
         Of an actuator with a limit: how it bends there, from 0, a corner, to 1, ``tanh``.
+    curvature : float
+        Of a parameter that depends on a signal: 0, in a straight line; 1, exponentially; 2, as one over a straight line; -1, as a
+        square root.
     settled : bool
         Whether its memory began every run at rest. False for a relaxation, or the lag of an input, that the diagnosis found elsewhere;
         ``augmented_`` begins it at rest.
@@ -73,6 +78,7 @@ class EffectEstimate:
     before: float | None = None
     settled: bool = True
     corner: float = 0.0
+    curvature: float = 0.0
 
     def __str__(self) -> str:
         driver = f", driven by {self.variable}" if self.variable and self.variable != self.location else ""
@@ -88,6 +94,7 @@ def circumstances(effect: EffectEstimate) -> str:
     runs = effect.runs
     where = "" if runs is None else f", in {'run' if len(runs) == 1 else 'runs'} {', '.join(map(repr, runs))}"
     where += f", soft at its limit ({effect.corner:.2g}; 0: a corner, 1: tanh)" if effect.corner else ""
+    where += f", {CURVES[effect.curvature]}" if effect.curvature else ""
     began = "" if effect.settled else ", not at rest where the runs begin"
     return where + (began if effect.before is None else f", from {effect.before:g} before every run")
 

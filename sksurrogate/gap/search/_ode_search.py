@@ -20,6 +20,7 @@ from sksurrogate.gap.fit._probe import probe_of
 from sksurrogate.gap.screen._screen import screen
 from sksurrogate.gap.screen._shortlist import MOST_LISTED
 from sksurrogate.gap.search._base import Wanted
+from sksurrogate.gap.search._curved_dependence import curved_where_nearer
 from sksurrogate.gap.search._expander import SEARCH_SHARPNESS, SEARCH_SUBSTEPS, Expander
 from sksurrogate.gap.search._fit_from_starts import (
     NEARER,
@@ -96,10 +97,10 @@ class OdeSearch(Expander):
         if not self.later_asked or not found.effects:
             return found
         found = self.paired_with_late(found)
-        if found.left < SETTLED:
-            return found
         if len(found.effects) > 1:
             found = self.one_late(found)
+        if found.left < SETTLED:
+            return found
         likely = self.late_ones(found.candidate, found.candidate.fit.cost)
         if likely:
             self.report("effects that were left for later")
@@ -108,7 +109,7 @@ class OdeSearch(Expander):
         return self.standing
 
     def one_late(self, found: Evidence[OdeCandidate]) -> Evidence[OdeCandidate]:
-        """What stands once effects left for later were fitted alone: one in the place of several names that leave more than the noise.
+        """What stands once effects left for later were fitted alone: one in the place of several names.
 
         To first order nothing tells of a parameter that changes by much.
         """
@@ -190,7 +191,8 @@ class OdeSearch(Expander):
         done = candidate.fit.converged
         best = candidate if done else candidate.resumed(candidate.problem, max_steps=FIT_STEPS) or candidate
         if best.fit.cost < self.most_left_cost:
-            best = rounded(with_soft_limits(best, self.threshold(1)), self.threshold(1))
+            price = self.threshold(1)
+            best = rounded(curved_where_nearer(with_soft_limits(best, price), price), price)
         for n_sub, sharpness in FINER:
             own = best.problem.numerics
             finer = best.problem.at(own.finer(max(n_sub, 2 * own.n_sub), sharpness))

@@ -1,0 +1,65 @@
+"""How a parameter depends on a signal: in a straight line, exponentially, as one over a straight line or as a square root.
+
+A rate of reaction is exponential in the temperature, a conductance one over a resistance that grows in proportion to it, a speed of sound
+its root. Over a range in which the parameter doubles these are four curves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from sklearn.base import clone
+
+from sksurrogate.effects._parameter import ParameterDependence
+from sksurrogate.gap.fit._closeness import is_at_noise
+from sksurrogate.gap.fit._evidence import C
+from sksurrogate.gap.search._softer import worth
+
+#: Of an exponential and of one over a straight line, more and more curved upwards; of a square root. A straight line has 0.
+UPWARDS, DOWNWARDS = (1.0, 2.0), (-1.0,)
+
+
+def curved_where_nearer(candidate: C, price: float) -> C:
+    """A set whose dependences are as curved as the data show: where that gains more than a ``price`` (twice the log likelihood).
+
+    More and more curved as long as that leads nearer to the data. Not asked at the noise.
+    """
+    for i, effect in enumerate(candidate.effects):
+        if not isinstance(effect, ParameterDependence) or effect.curvature:
+            continue
+        if is_at_noise(candidate.fit.cost, candidate.problem.record.n_values):
+            break
+        curved = min(
+            (as_far_as_nearer(candidate, way, i) for way in (UPWARDS, DOWNWARDS)), key=lambda one: one.fit.cost
+        )
+        candidate = worth(price, candidate, curved)
+    return candidate
+
+
+def as_far_as_nearer(candidate: C, curvatures: Sequence[float], i: int) -> C:
+    """A set whose dependence i is more and more curved, as long as that leads nearer to the data."""
+    nearest = candidate
+    for curvature in curvatures:
+        curved = with_curvature(candidate, curvature, i)
+        if curved is None or curved.fit.cost >= nearest.fit.cost:
+            break
+        nearest = curved
+    return nearest
+
+
+def with_curvature(candidate: C, curvature: float, i: int) -> C | None:
+    """A set fitted with another curvature of dependence i, from where it stands at the signal's mean; None where it breaks the arithmetic."""
+    effect, place = candidate.effects[i], candidate.slice_of(i)
+    assert isinstance(effect, ParameterDependence)
+    mean = float(np.mean(candidate.signals[str(effect.variable)]))
+    own = effect.as_curved(candidate.theta_of(i), mean, curvature)
+    if own is None:
+        return None
+    theta = candidate.fit.theta.copy()
+    theta[place][: len(own)] = own
+    curved = clone(effect).set_params(curvature=curvature)
+    try:
+        return candidate.fitted_as((*candidate.effects[:i], curved, *candidate.effects[i + 1 :]), theta)
+    except (ArithmeticError, np.linalg.LinAlgError):
+        return None
