@@ -36,7 +36,7 @@ class Hysteresis(HiddenEffect):
     )
     equation = "- c z, dz/dt = v' (1 - (abs(z)/limit) (1 + sign(v' z))/2), z(0) = 0"
     signature = "a loop that is the same at any speed; a restoring force that yields"
-    typical = "the spring yields within the runs"
+    typical = "the spring yields within the runs, and not within a sample"
     twins = ("coulomb_friction", "lugre_friction", "linear_loss", "input_backlash")
     nests = ("coulomb_friction",)
     linear = True
@@ -58,10 +58,11 @@ class Hysteresis(HiddenEffect):
         return -theta[0] * z[0]
 
     def plausible(self, theta: Sequence[float], probe: Probe) -> bool:
-        """The spring yields within the runs."""
+        """The spring yields within the runs, and not within a sample, as a dry friction does."""
         assert probe.v is not None
-        started = np.repeat(probe.v[probe.starts], np.diff(np.r_[probe.starts, len(probe.v)]))
-        return bool(theta[1] < UNYIELDING * np.max(np.abs(probe.v - started)))
+        limit, started = theta[1], np.repeat(probe.v[probe.starts], np.diff(np.r_[probe.starts, len(probe.v)]))
+        travel = WITHIN_SAMPLE * float(np.sqrt(np.mean(np.delete(np.diff(probe.v), probe.starts[1:] - 1) ** 2)))
+        return bool(travel < limit < UNYIELDING * np.max(np.abs(probe.v - started)))
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
         """Limits between a small part of the movement of v and more than all of it."""

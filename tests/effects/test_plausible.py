@@ -36,6 +36,7 @@ UNLIKELY = [
     ("hidden_mode", (1.0, 1e3, 0.1)),
     ("hidden_mode", (1.0, 1.0, 30.0)),
     ("hysteresis", (1.0, 50.0)),
+    ("hysteresis", (1.0, 0.005)),  # it yields within a sample
     ("end_stop", (1.0, -1.1)),
     ("power_law", (1.0, 0.1)),
     ("parameter_dependence", (0.5, -0.9)),
