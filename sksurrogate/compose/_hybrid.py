@@ -388,7 +388,8 @@ class HybridRegressor(RegressorMixin, BaseEstimator):
         if given.ndim == 2:
             given = np.repeat(given[None], len(runs), axis=0)
         n, o = self.n_initial_, self.correction_.n_outputs
-        if given.ndim != 3 or len(given) != len(runs) or given.shape[2] != o:
+        short = given.ndim == 3 and given.shape[1] < min(n, max(len(run) for run in runs))
+        if given.ndim != 3 or len(given) != len(runs) or given.shape[2] != o or short:
             raise ValueError(
                 f"y0 has shape {np.shape(y0)}, expected ({n}, n_outputs) or ({len(runs)}, {n}, n_outputs): "
                 f"the first rows of each run, n_outputs = {o}."

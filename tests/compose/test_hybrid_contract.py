@@ -244,3 +244,5 @@ def test_first_rows_that_are_not_finite_are_refused_by_name():
     first[1] = np.nan
     with pytest.raises(ValueError, match="y0 is not finite at row 1, output 0 of run 0"):
         hybrid.predict(X[:60], y0=first)
+    with pytest.raises(ValueError, match=r"y0 has shape \(4, 1\), expected \(5, n_outputs\)"):
+        hybrid.predict(X[:60], y0=np.zeros((4, 1)))
