@@ -21,6 +21,7 @@ from sksurrogate.effects import _parameter as parameter
 from sksurrogate.effects import _sensor as sensor
 from sksurrogate.effects._base_effect import BaseEffect
 from sksurrogate.effects._families import BalanceEffect
+from sksurrogate.effects._levelling import Levelling
 from sksurrogate.effects._ports import Places, places_of
 from sksurrogate.effects._structure import motions
 from sksurrogate.exceptions import DataError
@@ -219,7 +220,7 @@ def _instances(item: Any, plant: Plant, places: Places) -> Iterable[BaseEffect]:
 #: Numbers that effects take beside their places, and the effects that do.
 OWN_NUMBERS = {
     "before": actuator.RememberingActuator, "corner": actuator.LimitedActuator, "earliest": sensor.SensorDelay,
-    "curvature": parameter.ParameterDependence,
+    "curvature": parameter.ParameterDependence, "levelling": Levelling,
 }  # fmt: skip
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from sksurrogate.effects._families import BalanceEffect
+from sksurrogate.effects._levelling import Levelling
 from sksurrogate.effects._parameter import JUMPS, within_the_runs
 from sksurrogate.effects._parts import Parameter, Probe
 from sksurrogate.effects._smooth import after
@@ -26,8 +27,8 @@ def frequencies(duration: float, dt: float, most: int = 80) -> np.ndarray:
     return lowest * np.r_[0.5, 0.75, np.unique(np.round(np.geomspace(1, count, 2 * most)))][: 2 * most]
 
 
-class Drift(BalanceEffect):
-    """A force or flow that grows with time: ``+ c t``."""
+class Drift(Levelling, BalanceEffect):
+    """A force or flow that grows with time: ``+ c t``; it may level off."""
 
     name = "drift"
     rarity = 10.0
@@ -40,11 +41,11 @@ class Drift(BalanceEffect):
 
     def term(self, t: Any, x: np.ndarray, v: Any, theta: Sequence[Any], width: float) -> Any:
         """``c t``."""
-        return theta[0] * t + np.zeros_like(x)
+        return theta[0] * self.elapsed(t) + np.zeros_like(x)
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
         """A tenth of the balance in the middle of the longest run."""
-        return [(probe.unit(np.ones(1)) * 2 / max(probe.duration, probe.dt),)]
+        return [(probe.unit(np.ones(1)) / self.elapsed(0.5 * max(probe.duration, probe.dt)),)]
 
 
 class PeriodicDisturbance(BalanceEffect):

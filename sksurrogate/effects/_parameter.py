@@ -9,6 +9,7 @@ import numpy as np
 
 from sksurrogate.effects._base_effect import BaseEffect
 from sksurrogate.effects._families import ParameterEffect
+from sksurrogate.effects._levelling import Levelling
 from sksurrogate.effects._onset import Starting
 from sksurrogate.effects._parts import Parameter, Probe
 from sksurrogate.effects._smooth import TINY, after
@@ -61,8 +62,8 @@ def _unless_nil(plant: Plant, location: str) -> Sequence[str | None]:
     return () if plant.params[location] == 0 else (None,)
 
 
-class ParameterDrift(ParameterEffect):
-    """A parameter changes in proportion to time: ``p (1 + c t)``."""
+class ParameterDrift(Levelling, ParameterEffect):
+    """A parameter changes in proportion to time: ``p (1 + c t)``; it may level off."""
 
     name = "parameter_drift"
     rarity = 10.0
@@ -79,15 +80,15 @@ class ParameterDrift(ParameterEffect):
         return _unless_nil(plant, location)
 
     def value(self, p: Any, t: Any, theta: Sequence[Any], width: float) -> Any:
-        return p * (1 + theta[0] * t)
+        return p * (1 + theta[0] * self.elapsed(t))
 
     def plausible(self, theta: Sequence[float], probe: Probe) -> bool:
         """The parameter keeps its sign to the end of the longest run."""
-        return keeps_its_sign(1 + theta[0] * np.array([0.0, probe.duration]))
+        return keeps_its_sign(1 + theta[0] * self.elapsed(np.array([0.0, probe.duration])))
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
         """A tenth at the end of the longest run."""
-        return [(0.1 / max(probe.duration, probe.dt),)]
+        return [(0.1 / self.elapsed(max(probe.duration, probe.dt)),)]
 
 
 class ParameterDependence(ParameterEffect):

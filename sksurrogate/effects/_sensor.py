@@ -19,6 +19,7 @@ from sksurrogate.effects._input import (
     times,
 )
 from sksurrogate.effects._lattice import LATTICE_STEPS_SPANNED, lattice_steps, shows_steps
+from sksurrogate.effects._levelling import Levelling
 from sksurrogate.effects._parts import Parameter, Probe, SensorPath
 from sksurrogate.kernels.banded import first_order_scan
 from sksurrogate.kernels.sampling import read_between
@@ -227,8 +228,8 @@ class SensorBias(SensorEffect):
         return [(0.1 * (float(np.std(probe.x)) or 1.0),)]
 
 
-class SensorDrift(SensorEffect):
-    """A zero that wanders: ``y + c t``."""
+class SensorDrift(Levelling, SensorEffect):
+    """A zero that wanders: ``y + c t``; it may level off."""
 
     name = "sensor_drift"
     rarity = 10.0
@@ -239,11 +240,12 @@ class SensorDrift(SensorEffect):
     twins = ("drift", "sensor_bias", "parameter_drift")
 
     def read(self, y: np.ndarray, v: np.ndarray | None, t: np.ndarray, theta: Sequence[Any]) -> np.ndarray:
-        return y + theta[0] * t
+        return y + theta[0] * self.elapsed(t)
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
         """A tenth of the output's deviation in the middle of the longest run."""
-        return [(0.2 * (float(np.std(probe.x)) or 1.0) / max(probe.duration, probe.dt),)]
+        middle = self.elapsed(0.5 * max(probe.duration, probe.dt))
+        return [(0.1 * (float(np.std(probe.x)) or 1.0) / middle,)]
 
 
 class SensorRectification(SensorEffect):

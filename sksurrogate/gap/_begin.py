@@ -17,6 +17,7 @@ from sksurrogate.effects._allowed import allowed_effects, closed_places
 from sksurrogate.effects._base_effect import BaseEffect
 from sksurrogate.effects._catalogue import build_effects, left_out
 from sksurrogate.effects._input import RememberingActuator
+from sksurrogate.effects._levelling import levelled
 from sksurrogate.effects._sensor import SensorDelay
 from sksurrogate.effects._still import driven_effects
 from sksurrogate.effects._structure import kinematic_states
@@ -154,8 +155,13 @@ def _acts_near(effect: BaseEffect, problem: OdeBackend) -> bool:
 
 
 def _candidates(task: Task, balances: Sequence[str]) -> list[BaseEffect]:
-    """All effects; a memory may be in motion where a run begins, or an actuator at rest before a first step; a sensor may be early where clocks are apart."""
+    """All effects, also as they may be besides.
+
+    A memory may be in motion where a run begins, or an actuator at rest before a first step; a sensor may be early where clocks are
+    apart; a drift may level off.
+    """
     earliest, record = -float(task.diagnoser.clock_offset), task.whole
+    duration = float(record.dt * np.max(record.lengths))
     stepped = {name for name, u in zip(task.plant.inputs, record.u) if np.any(u[record.starts])}
     found: list[BaseEffect] = []
     for one in build_effects(task.plant, balances, task.effects):
@@ -164,8 +170,7 @@ def _candidates(task: Task, balances: Sequence[str]) -> list[BaseEffect]:
         found.append(one)
         if isinstance(one, RememberingActuator) and one.before is None and one.location in stepped:
             found.append(type(one)(one.location, one.variable, before=0.0))
-        moving = in_motion(one, task.plant)
-        found += [] if moving is None else [moving]
+        found += [form for form in (levelled(one, duration), in_motion(one, task.plant)) if form is not None]
     return found
 
 

@@ -105,7 +105,11 @@ def _made(effect: EffectEstimate) -> str:
     given = [repr(place) for place in (effect.location, effect.variable) if place is not None]
     given += [] if effect.before is None else [f"before={effect.before!r}"]
     given += ["settled=False"] if not effect.settled and effect.name in _WITH_HIDDEN_STATES else []
-    given += [f"{name}={number(value, 12)}" for name in ("corner", "curvature") if (value := getattr(effect, name))]
+    given += [
+        f"{name}={number(value, 12)}"
+        for name in ("corner", "curvature", "levelling")
+        if (value := getattr(effect, name))
+    ]
     made = f'CATALOGUE["{effect.name}"]({", ".join(given)})'
     span = tuple(name for name in effect.params if name in WINDOW)
     return f"starting({made}, {span!r})" if span else made

@@ -50,6 +50,8 @@ class EffectEstimate:
     curvature : float
         Of a parameter that depends on a signal: 0, in a straight line; 1, exponentially; 2, as one over a straight line; -1, as a
         square root.
+    levelling : float
+        Of a drift: one over the time constant with which it levels off; 0: it goes on. Its magnitude is the rate at the start.
     settled : bool
         Whether its memory began every run at rest. False for a relaxation, or the lag of an input, that the diagnosis found elsewhere;
         ``augmented_`` begins it at rest.
@@ -79,6 +81,7 @@ class EffectEstimate:
     settled: bool = True
     corner: float = 0.0
     curvature: float = 0.0
+    levelling: float = 0.0
 
     def __str__(self) -> str:
         driver = f", driven by {self.variable}" if self.variable and self.variable != self.location else ""
@@ -95,6 +98,7 @@ def circumstances(effect: EffectEstimate) -> str:
     where = "" if runs is None else f", in {'run' if len(runs) == 1 else 'runs'} {', '.join(map(repr, runs))}"
     where += f", soft at its limit ({effect.corner:.2g}; 0: a corner, 1: tanh)" if effect.corner else ""
     where += f", {CURVES[effect.curvature]}" if effect.curvature else ""
+    where += f", levelling off with a time constant of {1.0 / effect.levelling:.3g}" if effect.levelling else ""
     began = "" if effect.settled else ", not at rest where the runs begin"
     return where + (began if effect.before is None else f", from {effect.before:g} before every run")
 

@@ -9,12 +9,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from sklearn.base import clone
 
 from sksurrogate.effects._parameter import ParameterDependence
 from sksurrogate.gap.fit._closeness import is_at_noise
 from sksurrogate.gap.fit._evidence import C
-from sksurrogate.gap.search._softer import worth
+from sksurrogate.gap.search._softer import in_form, worth
 
 #: Of an exponential and of one over a straight line, more and more curved upwards; of a square root. A straight line has 0.
 UPWARDS, DOWNWARDS = (1.0, 2.0), (-1.0,)
@@ -58,8 +57,4 @@ def with_curvature(candidate: C, curvature: float, i: int) -> C | None:
         return None
     theta = candidate.fit.theta.copy()
     theta[place][: len(own)] = own
-    curved = clone(effect).set_params(curvature=curvature)
-    try:
-        return candidate.fitted_as((*candidate.effects[:i], curved, *candidate.effects[i + 1 :]), theta)
-    except (ArithmeticError, np.linalg.LinAlgError):
-        return None
+    return in_form(candidate, i, theta, curvature=curvature)

@@ -34,6 +34,7 @@ from sksurrogate.gap.search._fit_from_starts import (
     open_null,
 )
 from sksurrogate.gap.search._kink_width import rounded
+from sksurrogate.gap.search._levelling_drift import levelling_where_nearer
 from sksurrogate.gap.search._met_twins import MOST_MET, about_as_much, met_twins, twins_of, with_twin
 from sksurrogate.gap.search._onsets import look_for_onsets, twins_with_onset
 from sksurrogate.gap.search._related_forms import simplify
@@ -192,7 +193,8 @@ class OdeSearch(Expander):
         best = candidate if done else candidate.resumed(candidate.problem, max_steps=FIT_STEPS) or candidate
         if best.fit.cost < self.most_left_cost:
             price = self.threshold(1)
-            best = rounded(curved_where_nearer(with_soft_limits(best, price), price), price)
+            for shaped in (with_soft_limits, curved_where_nearer, levelling_where_nearer, rounded):
+                best = shaped(best, price)
         for n_sub, sharpness in FINER:
             own = best.problem.numerics
             finer = best.problem.at(own.finer(max(n_sub, 2 * own.n_sub), sharpness))

@@ -4,13 +4,10 @@ from __future__ import annotations
 
 from functools import partial
 
-import numpy as np
-from sklearn.base import clone
-
 from sksurrogate.effects._input import LimitedActuator
 from sksurrogate.gap.fit._closeness import is_at_noise
 from sksurrogate.gap.fit._evidence import C
-from sksurrogate.gap.search._softer import softer, worth
+from sksurrogate.gap.search._softer import in_form, softer, worth
 
 #: One over a corner that is one to the data, and over softer and softer ones.
 HARD, SOFTER = 50.0, (20.0, 8.0, 3.2, 1.6, 1.0)
@@ -41,11 +38,7 @@ def with_soft_limits(candidate: C, price: float) -> C:
 
 def with_corner(candidate: C, sharpness: float, i: int) -> C | None:
     """A set fitted with limit i that has a corner of one over a sharpness; None where it breaks the arithmetic."""
-    bent = clone(candidate.effects[i]).set_params(corner=1.0 / sharpness)
-    try:
-        return candidate.fitted_as((*candidate.effects[:i], bent, *candidate.effects[i + 1 :]))
-    except (ArithmeticError, np.linalg.LinAlgError):
-        return None
+    return in_form(candidate, i, corner=1.0 / sharpness)
 
 
 def _corners(candidate: C) -> list[int]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
+from sklearn.base import clone
 
 from sksurrogate.gap.fit._evidence import C, gain_by_size
 from sksurrogate.gap.search._restart import WORTH_A_FIT
@@ -45,6 +46,18 @@ def softer(tried: dict[float, C], further: Sequence[float], at: Callable[[C, flo
         if tried[sharpness].fit.cost > nearest.fit.cost - WORTH_A_FIT:
             break
     return _nearest(tried)
+
+
+def in_form(candidate: C, i: int, theta: np.ndarray | None = None, **numbers: float) -> C | None:
+    """A set fitted with other numbers in the shape of effect i, as a corner; None where it breaks the arithmetic.
+
+    ``theta``: values from which it is fitted; where it stands by default.
+    """
+    other = clone(candidate.effects[i]).set_params(**numbers)
+    try:
+        return candidate.fitted_as((*candidate.effects[:i], other, *candidate.effects[i + 1 :]), theta)
+    except (ArithmeticError, np.linalg.LinAlgError):
+        return None
 
 
 def worth(price: float, candidate: C, other: C) -> C:

@@ -21,6 +21,7 @@ from sksurrogate.gap.fit._probe import probe_of
 from sksurrogate.gap.fit._trajectory import TrajectoryBackend, TrajectoryCandidate, TrajectoryFit
 from sksurrogate.gap.screen._screen import LOST_TO_ROUNDING
 from sksurrogate.gap.search._base import Wanted
+from sksurrogate.gap.search._levelling_drift import levelling_where_nearer
 from sksurrogate.gap.search._set_search import SetSearch
 from sksurrogate.gap.search._soft_limits import soft_where_nearer, with_soft_limits
 
@@ -114,8 +115,9 @@ class TrajectorySearch(SetSearch[TrajectoryCandidate]):
         return self.problem.fit(effects, theta, known.transpose(1, 0, 2))
 
     def refined(self, candidate: TrajectoryCandidate) -> TrajectoryCandidate:
-        """With its limits as soft as the data show."""
-        return with_soft_limits(candidate, self.threshold(1))
+        """With its limits as soft as the data show, and drifts that level off when they do."""
+        price = self.threshold(1)
+        return levelling_where_nearer(with_soft_limits(candidate, price), price)
 
     def with_effect(
         self, base: TrajectoryCandidate, law: BaseEffect, values: np.ndarray, path: np.ndarray | None
