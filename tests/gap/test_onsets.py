@@ -101,6 +101,17 @@ def test_a_part_of_a_column_is_found_and_a_whole_one_is_not():
     assert confined(*screen_of(columns, noise), least=20.0) == []
 
 
+def test_the_edges_of_a_short_window_are_found_between_those_of_the_grid():
+    """The grid has windows of 50 rows at least; 14 rows of a column are the whole residual, but for the noise."""
+    rng = np.random.default_rng(0)
+    columns, age = rng.normal(size=(3, 800)), np.tile(np.arange(400), 2)
+    planted = 3.0 * columns[1] * ((age >= 211) & (age < 225))
+    best = confined(*screen_of(columns, 0.05 * rng.normal(size=800) + planted), least=5.0)[0]
+    assert (best.effect.name, best.span) == ("quadratic_drag", ("onset", "end"))
+    paid = 4 * np.log(800)  # initial states that are free at both edges of two runs
+    assert best.drop == pytest.approx(np.sum(planted**2) - paid, rel=0.02)
+
+
 def test_a_window_that_closes_what_an_effect_leaves_is_worth_a_fit():
     """Always there it explains 96 % already."""
     rng = np.random.default_rng(0)

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -30,6 +33,9 @@ LENGTHENED, MOST_REMAINING = 1.05, 0.5
 #: What a window may have.
 SPANS = (("onset",), ("end",), ("onset", "end"))
 
+#: Drop of the squared residual by every effect, (n_effects,), by what the window has.
+Drops: TypeAlias = dict[tuple[str, ...], np.ndarray]
+
 
 class Confined(NamedTuple):
     """An effect that explains more within a window."""
@@ -42,8 +48,7 @@ class Confined(NamedTuple):
 def confined(screen: Screen, lengths: np.ndarray, least: float) -> list[Confined]:
     """Effects that explain more of the residual within a window than always, the best first.
 
-    A state that remembers goes on from where it was at the edge: the columns of the initial states, free on both sides of it,
-    stand for that, so that the column of the effect always there tells its answer within the window.
+    Windows of a coarse grid, then finer ones about the best: on the grid a short window looks alike to all effects.
 
     ``screen``: of the null.
     ``lengths`` (n_runs,): samples of the runs.
@@ -56,47 +61,113 @@ def confined(screen: Screen, lengths: np.ndarray, least: float) -> list[Confined
     order = able[np.argsort(-gain[able])][:MOST_ONSET_COLUMNS]
     if not len(order):
         return []
-    starts, low = screen.record_starts, screen.low[order]
-    stack = np.concatenate([screen.known[:1], screen.columns[order]]).astype(np.float32)
-    J_x = screen.J_x.astype(np.float32)
-    whole = project_starts(stack, J_x, starts).reshape(len(stack), -1)
-    total = float(whole[0] @ whole[0])
-    always = _drop(whole[1:] @ whole[0], np.einsum("kn,kn->k", whole[1:], whole[1:]), low)
+    about = _Within(screen, order, lengths)
+    always, longest = about.drop_of(about.whole()), int(lengths.max())
     best, kind = np.zeros(len(order)), np.zeros(len(order), int)
-    ages = ages_of(starts, stack.shape[-1])
-    for edges, windows in _windows(ages, int(lengths.max())):
-        later = [(starts + edge)[lengths > edge + len(J_x[0])] for edge in edges]
-        breaks = np.sort(np.concatenate([starts, *later]))
-        parts = project_starts(stack, J_x, breaks)
-        r = parts[0]
-        restarted = total - float(np.sum(r * r)) - J_x.shape[1] * np.log(r.size) * (len(breaks) - len(starts))
-        for span, rows in windows.items():
-            own, left = parts[1:, :, rows], r[:, rows]
-            drop = restarted + _drop(np.einsum("kon,on->k", own, left), np.einsum("kon,kon->k", own, own), low)
-            better = _worth_more(drop, best, total) if len(span) > 1 else drop > best
+    for found in about.on_a_grid(longest):
+        for span, drop in found.items():
+            better = _worth_more(drop, best, about.total) if len(span) > 1 else drop > best
             best, kind = np.where(better, drop, best), np.where(better, SPANS.index(span), kind)
-    worth = (best > least) & _worth_more(best, always, total)
-    found: dict = {}
+    for found in about.nearer(longest):
+        for span, drop in found.items():
+            better = (drop > best) & ((kind == SPANS.index(span)) | _worth_more(drop, best, about.total))
+            best, kind = np.where(better, drop, best), np.where(better, SPANS.index(span), kind)
+    worth = (best > least) & _worth_more(best, always, about.total)
+    out: dict = {}
     for k in np.argsort(-best):
         effect = screen.starts[order[k]].effect
-        if worth[k] and effect.key not in found:
-            found[effect.key] = Confined(effect, SPANS[kind[k]], float(best[k]))
-    return list(found.values())
+        if worth[k] and effect.key not in out:
+            out[effect.key] = Confined(effect, SPANS[kind[k]], float(best[k]))
+    return list(out.values())
 
 
-def _windows(ages: np.ndarray, longest: int) -> Iterator[tuple[list[int], dict[tuple[str, ...], np.ndarray]]]:
-    """Edges in samples, with the rows of every window that they make: first those of one edge."""
+@dataclass(frozen=True, eq=False)
+class _Within:
+    """What the columns of some effects explain of a residual within windows.
 
-    def sample(share: float) -> int:
-        return max(int(share * longest), 1)
+    A state that remembers goes on from where it was at the edge: the columns of the initial states, free on both sides of it,
+    stand for that, so that the column of the effect always there tells its answer within the window.
+    """
 
-    for share in EDGE_SHARES:
-        later = ages >= sample(share)
-        yield [sample(share)], {("onset",): later, ("end",): ~later}
-    for shares in WINDOW_SHARES:
-        first, last = map(sample, shares)
-        if first < last:
-            yield [first, last], {("onset", "end"): (ages >= first) & (ages < last)}
+    screen: Screen
+    order: np.ndarray  #: Places of the effects among the columns of the screen
+    lengths: np.ndarray  #: (n_runs,): samples of the runs
+    known: dict[tuple[int, ...], Drops] = field(default_factory=dict)  #: By edges
+
+    @cached_property
+    def stack(self) -> np.ndarray:
+        """The residual and the columns, (1 + n_effects, n_outputs, n_samples)."""
+        assert self.screen.columns is not None
+        return np.concatenate([self.screen.known[:1], self.screen.columns[self.order]]).astype(np.float32)
+
+    @cached_property
+    def J_x(self) -> np.ndarray:
+        """What initial states move the outputs by."""
+        return self.screen.J_x.astype(np.float32)
+
+    @cached_property
+    def ages(self) -> np.ndarray:
+        """Samples since the start of the run, (n_samples,)."""
+        return ages_of(self.screen.record_starts, self.stack.shape[-1])
+
+    @cached_property
+    def total(self) -> float:
+        """Squared residual, initial states free."""
+        r = self.whole()[0]
+        return float(np.sum(r * r))
+
+    def whole(self) -> np.ndarray:
+        """Residual and columns without what initial states of the runs explain."""
+        return project_starts(self.stack, self.J_x, self.screen.record_starts)
+
+    def drop_of(self, parts: np.ndarray) -> np.ndarray:
+        """Drop of the squared residual by every column alone, of one sign where the effect has one."""
+        r, columns = parts[0].ravel(), parts[1:].reshape(len(parts) - 1, -1)
+        g, h = columns @ r, np.einsum("kn,kn->k", columns, columns)
+        g = np.where(self.screen.low[self.order] < 0.0, g, np.maximum(g, 0.0))
+        return np.asarray(g**2 / np.maximum(h, 1e-12), dtype=float)
+
+    def drops(self, edges: tuple[int, ...]) -> Drops:
+        """Drop by every effect within the windows that one edge or two make (samples), what is free at the edges paid."""
+        starts, later = self.screen.record_starts, self.ages >= edges[0]
+        inner = [(starts + edge)[self.lengths > edge + len(self.J_x[0])] for edge in edges]
+        parts = project_starts(self.stack, self.J_x, np.sort(np.concatenate([starts, *inner])))
+        r = parts[0]
+        restarted = self.total - float(np.sum(r * r)) - self.J_x.shape[1] * np.log(r.size) * sum(map(len, inner))
+        one, both = {("onset",): later, ("end",): ~later}, {("onset", "end"): later & (self.ages < edges[-1])}
+        windows = one if len(edges) == 1 else both
+        return {span: restarted + self.drop_of(parts[:, :, rows]) for span, rows in windows.items()}
+
+    def on_a_grid(self, longest: int) -> Iterator[Drops]:
+        """Drops within the windows of the grid: of one edge, then of two."""
+        yield from (self.within(max(int(share * longest), 1)) for share in EDGE_SHARES)
+        both = ([max(int(share * longest), 1) for share in pair] for pair in WINDOW_SHARES)
+        yield from (self.within(*edges) for edges in both if edges[0] < edges[1])
+
+    def nearer(self, longest: int) -> Iterator[Drops]:
+        """Drops within windows about the best of the grid: edges moved by shorter and shorter steps to where the best effect explains most."""
+        step, best = int(longest * (EDGE_SHARES[1] - EDGE_SHARES[0])), max(self.known, key=self.most)
+        while step >= 1:
+            moved = [tuple(np.add(best, step * np.array(way)).tolist()) for way in _ways(len(best))]
+            able = [one for one in moved if one[0] > 0 and one[-1] < longest and one[0] < one[-1] + (len(one) < 2)]
+            yield from [self.within(*one) for one in able if one not in self.known]
+            other = max((best, *able), key=self.most)
+            step, best = (step // 2 if other == best else step), other
+
+    def within(self, *edges: int) -> Drops:
+        """Drops within the windows that one edge or two make (samples), computed once."""
+        if edges not in self.known:
+            self.known[edges] = self.drops(edges)
+        return self.known[edges]
+
+    def most(self, edges: tuple[int, ...]) -> float:
+        """Of the drops within these windows the largest."""
+        return max(float(drop.max()) for drop in self.known[edges].values())
+
+
+def _ways(n: int) -> Iterator[tuple[int, ...]]:
+    """Ways in which n edges are moved: each back, not or forth."""
+    return itertools.product((-1, 0, 1), repeat=n)
 
 
 def twins_with_onset(screen: Screen, effect: BaseEffect, theta: np.ndarray) -> list[tuple[BaseEffect, np.ndarray]]:
@@ -143,12 +214,6 @@ def _worth_more(drop: np.ndarray, other: np.ndarray, total: float) -> np.ndarray
     array([ True,  True, False])
     """
     return np.asarray((drop > LENGTHENED * other) | (total - drop < MOST_REMAINING * (total - other)))
-
-
-def _drop(g: np.ndarray, h: np.ndarray, low: np.ndarray) -> np.ndarray:
-    """Drop by every column alone, of one sign where the effect has one."""
-    g = np.where(low < 0.0, g, np.maximum(g, 0.0))
-    return np.asarray(g**2 / np.maximum(h, 1e-12), dtype=float)
 
 
 def fewer_with_a_time(one: OdeCandidate, other: OdeCandidate) -> bool:
