@@ -111,7 +111,7 @@ def begin_ode(task: Task) -> DiagnosisPipeline[OdeCandidate]:
     apart = diagnoser.n_jobs is None and can_be_shared(diagnoser.simulator, library)
     common = {**_common(task), "second": WorkerProcess(fixed, apart)}
     later = WorkerProcess(fixed, apart, later=True)
-    late = {e.key: e for e in library if e.late or (task.effects is None and not _acts_near(e, problem))}
+    late = {e.key: e for e in library if e.late or (task.effects is None and _acts_from_afar(e, problem))}
     late = late if len(late) < len(library) else {}  # effects that were asked for alone are asked at once
     search = OdeSearch(problem, library, smoothed.x, lost=model.raised, later=later, later_asked=late, **common)
     closed = closed_places(diagnoser.exclude, diagnoser.plausible, plant)
@@ -149,9 +149,11 @@ def _say_slow(model: PlantModel, record: Record) -> None:
         )
 
 
-def _acts_near(effect: BaseEffect, problem: OdeBackend) -> bool:
-    """Whether the signals that drive an effect are near the balance in which it acts."""
-    return effect.kind != "state" or is_near(problem.near, effect.location, factors(effect))
+def _acts_from_afar(effect: BaseEffect, problem: OdeBackend) -> bool:
+    """Whether a signal that drives an effect is far from the balance in which it acts, or an input that a sensor shows past the plant."""
+    if effect.kind == "output":
+        return effect.variable in problem.plant.inputs
+    return effect.kind == "state" and not is_near(problem.near, effect.location, factors(effect))
 
 
 def _candidates(task: Task, balances: Sequence[str]) -> list[BaseEffect]:
