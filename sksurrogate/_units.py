@@ -92,6 +92,15 @@ def over(first: str, second: str) -> str:
     return _combined(first, second, -1)
 
 
+def may_be_one(first: str, second: str) -> bool:
+    """Whether two units are one, or one of them is not known: only then signals have a difference.
+
+    >>> may_be_one("m/s", "m s^-1"), may_be_one("degC", "kW"), may_be_one("degC", "")
+    (True, False, True)
+    """
+    return not first or not second or first == second or over(first, second) == "1"
+
+
 def to_power(unit: str, power: int) -> str:
     """A unit to a whole power.
 

@@ -142,7 +142,7 @@ def test_a_law_of_a_recent_past_holds_no_other_signal_than_its_own(names, allowe
 @pytest.mark.parametrize(("hold", "at_the_end"), [("zoh", [1.0, 2.0, 3.0]), ("linear", [2.0, 3.0, 3.0])])
 def test_a_held_input_is_the_same_at_the_end_of_a_sample_and_one_that_moves_is_the_next(hold, at_the_end):
     record = Record.from_runs([np.array([[1.0], [2.0], [3.0]])], [np.zeros((3, 1))], [np.arange(3.0)], 1.0)
-    plant = SimpleNamespace(states=["v"], inputs=["u"], outputs=["v"], hold=hold)
+    plant = SimpleNamespace(states=["v"], inputs=["u"], outputs=["v"], hold=hold, simulator=None)
     place = SimpleNamespace(record=record, location="k", kind="parameter", x=np.array([[4.0, 5.0, 6.0]]), n_moved=1)
     found = drivers_at(SimpleNamespace(problem=SimpleNamespace(plant=plant), fit=None), place, ())
     assert found.ends["u"].tolist() == at_the_end and found.ends["v"].tolist() == [5.0, 6.0, 6.0]
@@ -350,3 +350,13 @@ def test_a_friction_may_grow_with_the_size_of_another_driver_or_of_a_difference(
     pairs = {(a[1], b[1]) for a, b in (term for term in terms if len(term) == 2) if (a[0], b[0]) == ("sign", "size")}
     assert {("v", "u"), ("v", "q - u"), ("u", "v")} <= pairs
     assert not {("v", "v"), ("v", "q - v"), ("v", "load"), ("load", "v")} & pairs  # its own size; what has one sign
+
+
+def test_signals_of_different_units_have_no_difference():
+    """A temperature less a power means nothing; where a unit is not known the difference is tried."""
+    rng = np.random.default_rng(0)
+    signals = {name: rng.normal(size=50) for name in ("room", "wall", "power", "other")}
+    units = {"room": "degC", "wall": "degC", "power": "kW"}
+    names = {factor[1] for term in terms_of(Drivers(None, signals, {}, units=units)) for factor in term.factors}
+    assert {"room - wall", "room - other", "power - other"} <= names
+    assert not {"room - power", "wall - power"} & names

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
+from sksurrogate._units import may_be_one
 from sksurrogate.effects._formula import Term, signal_names
 from sksurrogate.effects._law import AnyLaw, LawEffect, law_effect
 from sksurrogate.gap.fit._ode import OdeCandidate
@@ -15,6 +16,7 @@ from sksurrogate.gap.unnamed._channel import Channel
 from sksurrogate.gap.unnamed._law_places import shown_inputs
 from sksurrogate.gap.unnamed._law_shapes import filtered, varies
 from sksurrogate.kernels.record import Record
+from sksurrogate.physics._simulator import units_of
 
 #: Time constants of the recent past, in samples, and the share of the longest run up to which they are tried.
 TIME_CONSTANTS, LONGEST_PAST = (3.0, 10.0, 30.0, 100.0), 0.25
@@ -32,6 +34,11 @@ class Drivers:
     #: At an input: names of the inputs. A law of these acts along the path of the input, one of states at its port.
     along: Sequence[str] = ()
     changes: Sequence[float] = ()  #: Times at which a law may begin
+    units: Mapping[str, str] = field(default_factory=dict)  #: Of the signals, where they are known
+
+    def comparable(self, a: str, b: str) -> bool:
+        """Whether a difference of two signals means something: of a temperature and a power there is none."""
+        return may_be_one(self.units.get(a, ""), self.units.get(b, ""))
 
     def values(self, terms: Sequence[Term]) -> np.ndarray:
         """Terms along the path (n_terms, n_samples); their means over each sample, by both ends, where they act over samples."""
@@ -104,10 +111,11 @@ def drivers_at(base: OdeCandidate, channel: Channel, changes: Sequence[float]) -
     """
     problem = base.problem
     plant, record, location, kind = problem.plant, channel.record, channel.location, channel.kind
+    units = units_of(plant.simulator)
     assert channel.x is not None
     if kind == "output":
         seen = {**dict(zip(plant.outputs, base.fit.y)), **dict(zip(plant.inputs, shown_inputs(base)))}
-        return Drivers(channel, seen, {}, changes=changes)
+        return Drivers(channel, seen, {}, changes=changes, units=units)
     states, inputs = dict(zip(plant.states, channel.x)), dict(zip(plant.inputs, record.u))
     if kind == "input":
         states = states if channel.n_moved > 1 or location not in inputs else {}
@@ -120,7 +128,7 @@ def drivers_at(base: OdeCandidate, channel: Channel, changes: Sequence[float]) -
         held = set() if record.order_of_inputs(plant.hold) else set(plant.inputs)
     now = {**signals, **{name: z for name, (z, _) in past.items()}}
     ends = {name: z if name in held else at_end(record, z[None])[0] for name, z in now.items()} if states else None
-    return Drivers(channel, now, {name: c for name, (_, c) in past.items()}, ends, plant.inputs, changes)
+    return Drivers(channel, now, {name: c for name, (_, c) in past.items()}, ends, plant.inputs, changes, units)
 
 
 def _past(record: Record, signals: Mapping[str, np.ndarray]) -> dict[str, tuple[np.ndarray, float]]:

@@ -80,9 +80,9 @@ def _under_a_load(single: Mapping[str, Sequence[Factor]], apart: Mapping[str, Se
 
 
 def _differences(names: Sequence[str], drivers: Drivers) -> dict[str, list[Factor]]:
-    """Shapes of the difference of two drivers; none of many drivers."""
+    """Shapes of the difference of two drivers, of one unit where units are known; none of many drivers."""
     pairs = combinations(names, 2) if len(names) <= MOST_OF_DIFFERENCES else ()
-    apart = [f"{a} - {b}" for a, b in pairs]
+    apart = [f"{a} - {b}" for a, b in pairs if drivers.comparable(a, b)]
     return {name: list(factors_of(name, signal_of(name, drivers.signals))) for name in apart}
 
 

@@ -13,6 +13,7 @@ from sksurrogate.gap.unnamed._channel import Channel, Place, fit_signal
 from sksurrogate.gap.unnamed._channels import Channels
 from sksurrogate.gap.unnamed._drivers import Drivers
 from sksurrogate.gap.unnamed._law_left import LawLeft
+from sksurrogate.physics._simulator import units_of
 
 
 class TrajectoryChannels(Channels[TrajectoryCandidate]):
@@ -40,8 +41,10 @@ class TrajectoryChannels(Channels[TrajectoryCandidate]):
         return Channel(location, kind, record, D, noise, LinearModel.of(r), pushed, sensor, unit, held, signals, value)
 
     def drivers(self, channel: Channel, changes: Sequence[float] = ()) -> Drivers:
-        along = self.null.problem.plant.inputs
-        return Drivers(channel, channel.signals, {}, along=along, changes=changes)
+        plant = self.null.problem.plant
+        return Drivers(
+            channel, channel.signals, {}, along=plant.inputs, changes=changes, units=units_of(plant.simulator)
+        )
 
 
 def equivalent_places(channels: Channels[TrajectoryCandidate]) -> list[Place]:
