@@ -12,6 +12,7 @@ import pytest
 from scipy.signal import lfilter
 from scipy.stats import norm
 
+from sksurrogate.effects import CATALOGUE
 from sksurrogate.gap import GapDiagnoser
 from sksurrogate.gap.faults._corrections import SMOOTHINGS, Gains, Hum, Names, NoisyInput, Offsets, Shifts, SlowNoise
 from sksurrogate.gap.faults._fault_left import Alternative, Found
@@ -205,7 +206,7 @@ def test_outliers_of_a_residual_are_not_its_waves():
 @pytest.mark.parametrize(("share", "left", "found"), [(0.7, 1.5, True), (0.3, 1.5, False), (0.7, 1.1, False)])
 def test_outliers_that_names_only_bend_are_found_beside_the_simulator_alone(share, left, found):
     def model(residual):
-        return SimpleNamespace(residual=residual, problem=SimpleNamespace(record=clean, sd=np.ones(1)))
+        return SimpleNamespace(residual=residual, effects=(), problem=SimpleNamespace(record=clean, sd=np.ones(1)))
 
     clean, rng = SimpleNamespace(starts=np.array([0])), np.random.default_rng(5)
     null, wave = rng.normal(size=(1, 400)), np.exp(-0.5 * ((np.arange(400) - 200.5) / 6.0) ** 2)
@@ -224,8 +225,25 @@ def test_peaks_that_another_output_shows_too_are_no_wrong_readings(moved, faulty
     residual[0, rows] += 60.0
     residual[1, rows] += moved
     problem = SimpleNamespace(record=SimpleNamespace(starts=np.array([0, 250])), sd=np.ones(2))
-    odd = outlying(SimpleNamespace(problem=problem, residual=residual))
+    odd = outlying(SimpleNamespace(problem=problem, residual=residual, effects=()))
     assert (odd is not None and odd.rows.tolist() == rows) == faulty
+
+
+@pytest.mark.parametrize(("onset", "found"), [(8.9, None), (30.0, [90, 91])])
+def test_what_is_off_where_an_effect_begins_is_no_wrong_reading(onset, found):
+    """The time of a step is fitted; beside a step elsewhere two readings are off by themselves."""
+    residual = np.random.default_rng(0).normal(size=(1, 500))
+    residual[0, [90, 91]] += 60.0
+    rows = SimpleNamespace(starts=np.array([0]), t=0.1 * np.arange(500), dt=0.1)
+    step = CATALOGUE["step_disturbance"]("v")
+    model = SimpleNamespace(
+        problem=SimpleNamespace(record=rows, sd=np.ones(1)),
+        residual=residual,
+        effects=(step,),
+        theta_of=lambda i: (1.0, onset),
+    )
+    odd = outlying(model)
+    assert (None if odd is None else odd.rows.tolist()) == found
 
 
 def test_readings_out_of_reach_are_found_wherever_they_are_and_hide_no_other():

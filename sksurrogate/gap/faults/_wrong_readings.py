@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from sksurrogate.effects._onset import WINDOW
 from sksurrogate.gap.faults._corrections import WrongReadings, masked
 from sksurrogate.gap.fit._backend import BaseCandidate
 from sksurrogate.gap.fit._closeness import MOST_LEFT, SETTLED
@@ -184,11 +185,22 @@ def shared_with_others(residual: np.ndarray, j: int, rows: np.ndarray) -> bool:
     return bool(np.any(np.mean(others[:, rows], axis=1) > SHARED**2 * elsewhere))
 
 
+def at_an_edge(model: BaseCandidate, rows: np.ndarray) -> np.ndarray:
+    """Which rows lie where an effect of a model begins or ends: what is off there is a matter of its time, no reading."""
+    named = [zip(effect.parameters, model.theta_of(i)) for i, effect in enumerate(model.effects)]
+    edges = [float(value) for pairs in named for parameter, value in pairs if parameter.name in ("time", *WINDOW)]
+    record, at = model.problem.record, np.zeros(len(rows), bool)
+    for edge in edges:
+        at |= np.abs(record.t[rows] - edge) <= LONGEST_BURST * record.dt
+    return at
+
+
 def outlying(model: BaseCandidate) -> WrongReadings | None:
     """Outlying readings of one output alone, where they hold most of what is left there; None without any."""
     record, residual = model.problem.record, model.residual
     for j, r in enumerate(residual):
         rows = outlying_rows(r, record.starts, float(model.problem.sd[j]))
+        rows = rows[~at_an_edge(model, rows)]
         rest = np.delete(r, rows)
         near = np.sqrt(np.mean(rest**2)) < SETTLED * model.problem.sd[j]
         most = near or np.sum(r[rows] ** 2) > REASON * np.sum(r**2)

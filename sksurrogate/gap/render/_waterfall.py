@@ -53,12 +53,10 @@ def closed(report: ReportData) -> list[str]:
     """How much of the gap what is named and a certified law close, and how steady the names are."""
     s = report.shrink
     lines = []
-    if np.isfinite(s.fraction) and (report.effects or len(report.retuned)):
-        low, high = (100 * end for end in s.interval)
+    if np.isfinite(s.fraction) and (report.effects or (len(report.retuned) and s.fraction > 0.0)):
+        low, high = ("below 0" if end < 0.0 else f"{100 * end:.1f}" for end in s.interval)
         how = "Closed" if report.effects else "Closed by re-tuning"
-        lines.append(
-            f"{how}: {percent(s.fraction)} of the gap above the noise, 90 % interval {low:.1f} to {high:.1f} %."
-        )
+        lines.append(f"{how}: {percent(s.fraction)} of the gap above the noise, 90 % interval {low} to {high} %.")
     if report.certified_law is not None and np.isfinite(s.fraction_law):
         lines.append(f"Closed with the law: {percent(s.fraction_law)}.")
     if np.isfinite(s.same_names):
