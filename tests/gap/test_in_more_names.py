@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from sksurrogate.effects import CATALOGUE
-from sksurrogate.gap.decide._contenders import elsewhere, in_more_names, nats_apart
-from sksurrogate.gap.decide._ode_access import notes_in_more_names
+from sksurrogate.gap.decide._contenders import elsewhere, in_more_names, in_other_names, nats_apart
+from sksurrogate.gap.decide._ode_access import notes_in_other_words
 
 SIGMA, ROWS = 0.1, 200
 GAIN = CATALOGUE["input_gain"]("valve")
@@ -57,7 +57,7 @@ FINAL = SimpleNamespace(
 @pytest.mark.parametrize("away", [0.0, 0.1, 0.5])
 def test_what_the_data_tell_apart_is_half_the_square_of_the_difference_over_the_noise(away):
     """The expected log likelihood ratio of two means under white noise (Kullback and Leibler)."""
-    assert nats_apart(fitted(GAIN, away=away), FINAL) == pytest.approx(0.5 * ROWS * away**2)
+    assert nats_apart(fitted(GAIN, away=away), FINAL.candidate, FINAL.noise) == pytest.approx(0.5 * ROWS * away**2)
 
 
 @pytest.mark.parametrize(
@@ -85,9 +85,24 @@ def test_rivals_count_against_a_name_and_other_words_for_it_do_not(monkeypatch):
 
 def test_the_report_says_in_which_other_words():
     four = fitted(GAIN, LOSS, BIAS, CATALOGUE["drift"]("level"))
-    (note,) = notes_in_more_names(NAMED, [four, fitted(GAIN, LOSS, BIAS)])
+    (note,) = notes_in_other_words(NAMED, [four, fitted(GAIN, LOSS, BIAS)])
     assert note == (
         "These data cannot tell linear loss at level and constant bias at level together from parameter dependence at feed, driven by "
         "level; the fewest names stand."
     )
-    assert notes_in_more_names(NAMED, []) == []
+    assert notes_in_other_words(NAMED, []) == []
+
+
+@pytest.mark.parametrize(("away", "same"), [(0.05, True), (0.3, False)])
+def test_names_that_predict_the_same_one_by_one_are_no_rivals(away, same, monkeypatch):
+    """A bias and a loss in the place of a gain and a dependence: alone, the bias does what the gain does, the loss what the dependence does."""
+    monkeypatch.setattr("sksurrogate.gap.decide._contenders.judged_contender", lambda *given: [])
+    alone = [fitted(GAIN, away=5.0), fitted(BIAS, away=5.0 + away), fitted(DEPENDS, away=3.0), fitted(LOSS, away=3.0)]
+    search = search_with(*alone, other := fitted(BIAS, LOSS))
+    assert in_other_names(search, FINAL) == ([other] if same else [])
+    own = SimpleNamespace(net=0.0, before=-10.0, law=SimpleNamespace(name=None))
+    assert (frozenset(other.keys) in [keys for keys, _ in elsewhere(search, FINAL, own)]) != same
+    (note,) = notes_in_other_words(NAMED, [other])
+    assert note.startswith(
+        "These data cannot tell constant bias at level and linear loss at level from input gain at valve and parameter"
+    )

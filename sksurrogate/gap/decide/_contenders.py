@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -81,14 +81,14 @@ def elsewhere(search: OdeSearch, final: Evidence, own: Contender) -> list[tuple[
     """Names of sets that differ by more than one effect in the place of one, and the nats by which they are likelier than what stands.
 
     Data that show the sum of several effects may be explained as well by others. Sets that hold what stands, or are a part of it, or
-    say it in more names, do not count; one that holds another form of the same law holds the name. Those that are as likely without a law are judged beside
+    say it in more names or in others that predict the same one by one, do not count; one that holds another form of the same law holds the name. Those that are as likely without a law are judged beside
     theirs, as what stands is. Where what stands leaves more than the noise, its forms are not exact, and the likelihood says too little of
     others that are as inexact: none counts.
     """
     if final.left > SETTLED:
         return []
     keys, level = set(final.candidate.keys), search.evidence(final.candidate)
-    no_rivals = [*swaps(search, final.candidate), *in_more_names(search, final)]
+    no_rivals = [*swaps(search, final.candidate), *in_more_names(search, final), *in_other_names(search, final)]
     likelier = {
         one: search.evidence(one) - level + _before(search, one) - own.before
         for one in _near(search, final)
@@ -107,12 +107,29 @@ def in_more_names(search: OdeSearch, final: Evidence) -> list[OdeCandidate]:
     """Sets that say in more names what stands: these data cannot tell them apart, so the fewest names stand."""
     named = set(final.candidate.keys)
     more = (one for one in _near(search, final) if len(one.effects) > len(named) and not named <= set(one.keys))
-    return [one for one in more if nats_apart(one, final) < NATS_THAT_SETTLE]
+    return [one for one in more if nats_apart(one, final.candidate, final.noise) < NATS_THAT_SETTLE]
 
 
-def nats_apart(one: OdeCandidate, final: Evidence) -> float:
+def in_other_names(search: OdeSearch, final: Evidence) -> list[OdeCandidate]:
+    """Sets of which every other name predicts, alone, what one of those predicts that it replaces: a coupling of inputs, and a loss that
+    an input drives.
+
+    Each is in the class of the other.
+    """
+    named = set(final.candidate.keys)
+
+    def alike(key: Any, other: Any) -> bool:
+        one, another = (search.fitted.get(frozenset((k,))) for k in (key, other))
+        return one is not None and another is not None and nats_apart(one, another, final.noise) < NATS_THAT_SETTLE
+
+    same_size = (one for one in _near(search, final) if len(one.effects) == len(named))
+    apart = ((one, set(one.keys) - named, named - set(one.keys)) for one in same_size)
+    return [one for one, new, gone in apart if new and all(any(alike(key, other) for other in gone) for key in new)]
+
+
+def nats_apart(one: OdeCandidate, other: OdeCandidate, noise: Noise) -> float:
     """Nats by which the data would tell two predictions apart if one of them were right, under white noise of the sensors."""
-    apart = (one.residual - final.candidate.residual) / final.noise.sigma[:, None]
+    apart = (one.residual - other.residual) / noise.sigma[:, None]
     return float(0.5 * np.sum(apart**2))
 
 

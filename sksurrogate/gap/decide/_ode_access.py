@@ -14,7 +14,7 @@ from sksurrogate.effects._base_effect import BaseEffect
 from sksurrogate.effects._catalogue import name_of
 from sksurrogate.effects._families import BalanceEffect, HiddenEffect
 from sksurrogate.gap.decide._access import BaseAccess
-from sksurrogate.gap.decide._contenders import in_more_names
+from sksurrogate.gap.decide._contenders import in_more_names, in_other_names
 from sksurrogate.gap.decide._gap_of_one_law import law_of_the_gap
 from sksurrogate.gap.decide._generic_correction import Correction, generic_correction, known_runs
 from sksurrogate.gap.decide._posterior import Posterior, law_left_beside, let_stand
@@ -43,6 +43,8 @@ PIECES_NOTE = (
 )
 KINK_NOTE = "The kink of {name} is fitted as a smooth turn, about {width:.3g} wide in {variable} on each side."
 IN_MORE_NAMES = "These data cannot tell {others} together from {names}; the fewest names stand."
+#: The same of as many names, which one by one predict what those named do.
+IN_OTHER_NAMES = "These data cannot tell {others} from {names}; what is likelier before any data stands."
 
 
 def lost_places(names: Sequence[str]) -> list[str]:
@@ -70,11 +72,11 @@ def notes_on_kinks(candidate: OdeCandidate) -> list[str]:
     ]
 
 
-def notes_in_more_names(named: OdeCandidate, others: Sequence[OdeCandidate]) -> list[str]:
+def notes_in_other_words(named: OdeCandidate, others: Sequence[OdeCandidate]) -> list[str]:
     """Several names that do together what one or more of those named do; the first of the sets with the fewest."""
     fewest = sorted(others, key=lambda one: len(one.effects))[:1]
     return [
-        IN_MORE_NAMES.format(
+        (IN_MORE_NAMES if len(one.effects) > len(named.effects) else IN_OTHER_NAMES).format(
             names=" and ".join(name_of(e) for e in named.effects if e.key not in one.keys),
             others=" and ".join(name_of(e) for e in one.effects if e.key not in named.keys),
         )
@@ -225,7 +227,8 @@ class OdeAccess(BaseAccess[OdeCandidate]):
         if verdict == "unknown" and rounding is not None:
             notes.append(GRID_NOTE.format(name=rounding.sensor, step=rounding.step))
         notes += notes_on_kinks(final.candidate)
-        notes += notes_in_more_names(final.candidate, in_more_names(self.search, final))
+        others = [*in_other_names(self.search, final), *in_more_names(self.search, final)]
+        notes += notes_in_other_words(final.candidate, others)
         notes += [*([self.other_unit.sentence] if self.other_unit.sentence and verdict != "none" else []), *self.pieces]
         some, whole = self.search.problem.record.n_samples, self.whole.n_samples
         return [*notes, PIECES_NOTE.format(some=some, whole=whole)] if whole > some else notes
