@@ -220,7 +220,7 @@ def _instances(item: Any, plant: Plant, places: Places) -> Iterable[BaseEffect]:
 #: Numbers that effects take beside their places, and the effects that do.
 OWN_NUMBERS = {
     "before": actuator.RememberingActuator, "corner": actuator.LimitedActuator, "earliest": sensor.SensorDelay,
-    "curvature": parameter.ParameterDependence, "levelling": Levelling,
+    "curvature": parameter.ParameterDependence, "levelling": Levelling, "lower": actuator.InputQuantization,
 }  # fmt: skip
 
 

@@ -24,16 +24,25 @@ LARGEST_STEP_RANGE = 4.0
 SHALLOW = (0.002, 0.008)
 #: Largest move over the tenth largest in a hundred, from which jumps are rare among other moves.
 RARE = 3.0
+#: Share of a step by which a quantizer that rounds down is below one that rounds to the nearest.
+ROUNDING_DOWN = 0.5
 
 
-def quantize(u: np.ndarray, step: Any) -> np.ndarray:
-    """``c round(u / c)``; u itself where c is 0.
+def quantize(u: np.ndarray, step: Any, lower: float = 0.0) -> np.ndarray:
+    """``c round(u / c - lower)``; u itself where c is 0.
 
-    >>> quantize(np.array([0.2, 0.9]), 0.5)
-    array([0., 1.])
+    >>> quantize(np.array([0.6, 0.9]), 0.5), quantize(np.array([0.6, 0.9]), 0.5, ROUNDING_DOWN)
+    (array([0.5, 1. ]), array([0.5, 0.5]))
     """
     step = np.abs(step)
-    return np.where(step > 0, step * np.round(u / np.where(step > 0, step, 1.0)), u)
+    return np.where(step > 0, step * np.round(u / np.where(step > 0, step, 1.0) - lower), u)
+
+
+def rounding_down(effect: Any) -> InputQuantization | None:
+    """An actuator that moves in steps and rounds down; None for other effects."""
+    if type(effect) is not InputQuantization or effect.lower:
+        return None
+    return InputQuantization(effect.location, effect.variable, lower=ROUNDING_DOWN)
 
 
 def size_of(signal: np.ndarray) -> float:
@@ -307,7 +316,11 @@ class RateLimit(RememberingActuator):
 
 
 class InputQuantization(InputEffect):
-    """The actuator moves in steps: ``c round(u / c)``."""
+    """The actuator moves in steps: ``c round(u / c)``.
+
+    ``location``: the input.
+    ``lower``: share of a step by which it rounds lower: 0 to the nearest step, 0.5 down, as a bank of valves that are open or shut.
+    """
 
     name = "input_quantization"
     order = 8
@@ -316,12 +329,16 @@ class InputQuantization(InputEffect):
     signature = "a saw tooth in the input that never exceeds half a step"
     twins = ("input_dead_zone", "sensor_quantization")
 
+    def __init__(self, location: str | None = None, variable: str | None = None, lower: float = 0.0):
+        super().__init__(location, variable)
+        self.lower = lower
+
     def transform(self, u: Signal, v: Signal | None, theta: Theta, h: float, starts: np.ndarray) -> Signal:
-        return pointwise(lambda value: quantize(value, theta[0]), u)
+        return pointwise(lambda value: quantize(value, theta[0], self.lower), u)
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
         """From half a step to 40 steps to the largest input; finer ones where the slope of the likelihood shows them."""
-        return step_sizes(probe.x, probe.slope)
+        return step_sizes(probe.x, None if self.lower else probe.slope)
 
     def scan(self, theta: Sequence[float]) -> list[tuple[float, ...]]:
         """Steps up to 4 % off."""

@@ -16,7 +16,7 @@ from sksurrogate._parallel._worker_process import WorkerProcess
 from sksurrogate.effects._allowed import allowed_effects, closed_places
 from sksurrogate.effects._base_effect import BaseEffect
 from sksurrogate.effects._catalogue import build_effects, left_out
-from sksurrogate.effects._input import RememberingActuator
+from sksurrogate.effects._input import RememberingActuator, rounding_down
 from sksurrogate.effects._levelling import levelled
 from sksurrogate.effects._sensor import SensorDelay
 from sksurrogate.effects._still import driven_effects
@@ -160,7 +160,7 @@ def _candidates(task: Task, balances: Sequence[str]) -> list[BaseEffect]:
     """All effects, also as they may be besides.
 
     A memory may be in motion where a run begins, or an actuator at rest before a first step; a sensor may be early where clocks are
-    apart; a drift may level off.
+    apart; a drift may level off, and a quantizer round down.
     """
     earliest, record = -float(task.diagnoser.clock_offset), task.whole
     duration = float(record.dt * np.max(record.lengths))
@@ -172,7 +172,8 @@ def _candidates(task: Task, balances: Sequence[str]) -> list[BaseEffect]:
         found.append(one)
         if isinstance(one, RememberingActuator) and one.before is None and one.location in stepped:
             found.append(type(one)(one.location, one.variable, before=0.0))
-        found += [form for form in (levelled(one, duration), in_motion(one, task.plant)) if form is not None]
+        further = levelled(one, duration), rounding_down(one), in_motion(one, task.plant)
+        found += [form for form in further if form is not None]
     return found
 
 

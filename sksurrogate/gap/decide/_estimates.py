@@ -59,6 +59,7 @@ def estimates(search: BaseSearch[C], final: Evidence[C], found: PartialResults, 
                 corner=getattr(effect, "corner", 0.0),
                 curvature=getattr(effect, "curvature", 0.0),
                 levelling=getattr(effect, "levelling", 0.0),
+                lower=getattr(effect, "lower", 0.0),
             )
         )
     return out

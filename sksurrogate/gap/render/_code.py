@@ -107,7 +107,7 @@ def _made(effect: EffectEstimate) -> str:
     given += ["settled=False"] if not effect.settled and effect.name in _WITH_HIDDEN_STATES else []
     given += [
         f"{name}={number(value, 12)}"
-        for name in ("corner", "curvature", "levelling")
+        for name in ("corner", "curvature", "levelling", "lower")
         if (value := getattr(effect, name))
     ]
     made = f'CATALOGUE["{effect.name}"]({", ".join(given)})'

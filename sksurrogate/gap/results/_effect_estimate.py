@@ -52,6 +52,8 @@ class EffectEstimate:
         square root.
     levelling : float
         Of a drift: one over the time constant with which it levels off; 0: it goes on. Its magnitude is the rate at the start.
+    lower : float
+        Of an actuator that moves in steps: the share of a step by which it rounds lower; 0: to the nearest, 0.5: down.
     settled : bool
         Whether its memory began every run at rest. False for a relaxation, or the lag of an input, that the diagnosis found elsewhere;
         ``augmented_`` begins it at rest.
@@ -82,6 +84,7 @@ class EffectEstimate:
     corner: float = 0.0
     curvature: float = 0.0
     levelling: float = 0.0
+    lower: float = 0.0
 
     def __str__(self) -> str:
         driver = f", driven by {self.variable}" if self.variable and self.variable != self.location else ""
@@ -99,6 +102,7 @@ def circumstances(effect: EffectEstimate) -> str:
     where += f", soft at its limit ({effect.corner:.2g}; 0: a corner, 1: tanh)" if effect.corner else ""
     where += f", {CURVES[effect.curvature]}" if effect.curvature else ""
     where += f", levelling off with a time constant of {1.0 / effect.levelling:.3g}" if effect.levelling else ""
+    where += ", rounding down" if effect.lower else ""
     began = "" if effect.settled else ", not at rest where the runs begin"
     return where + (began if effect.before is None else f", from {effect.before:g} before every run")
 
