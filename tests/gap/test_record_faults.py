@@ -15,7 +15,7 @@ from scipy.stats import norm
 from sksurrogate.effects import CATALOGUE
 from sksurrogate.gap import GapDiagnoser
 from sksurrogate.gap.faults._corrections import SMOOTHINGS, Gains, Hum, Names, NoisyInput, Offsets, Shifts, SlowNoise
-from sksurrogate.gap.faults._fault_left import Alternative, Found
+from sksurrogate.gap.faults._fault_left import Alternative, Found, is_harmonic
 from sksurrogate.gap.faults._proposals import tone
 from sksurrogate.gap.faults._record_book import RecordBook
 from sksurrogate.gap.faults._wrong_readings import (
@@ -253,6 +253,17 @@ def test_readings_out_of_reach_are_found_wherever_they_are_and_hide_no_other():
     y[0, 299], y[0, 450] = 1e9, y[0, 450] + 50.0
     (found,) = wrong_readings(replace(whole, y=y), lambda: None)
     assert (found.kind, found.rows.tolist()) == ("spikes", [299, 450])
+
+
+@pytest.mark.parametrize(("ratio", "harmonic"), [(1.0, True), (2.0, True), (3.0, True), (2.5, False), (0.5, False)])
+def test_a_tone_at_a_multiple_of_a_named_disturbance_is_its_shape(ratio, harmonic):
+    """The record of 100 time units tells frequencies apart that differ by 0.063."""
+    named = SimpleNamespace(
+        problem=SimpleNamespace(record=SimpleNamespace(dt=0.1, lengths=np.array([1000]))),
+        effects=(CATALOGUE["periodic_disturbance"]("v"),), theta_of=lambda i: (0.3, 1.3, 0.0),
+    )  # fmt: skip
+    tone = Hum(output=0, values=np.ones((1, 2)), angular_frequency=1.3 * ratio + 0.01)
+    assert is_harmonic(tone, named) is harmonic
 
 
 @pytest.mark.slow

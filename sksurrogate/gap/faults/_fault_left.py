@@ -166,9 +166,19 @@ def tone_left(base: Evidence, run: np.ndarray) -> Hum | None:
         except np.linalg.LinAlgError:
             continue
         fault = proposal.fault(theta[fit.linear.J.shape[1] :])
-        if gain > needed and isinstance(fault, Hum):
+        if gain > needed and isinstance(fault, Hum) and not is_harmonic(fault, base.candidate):
             found.append((gain, fault))
     return max(found, key=lambda one: one[0])[1] if found else None
+
+
+def is_harmonic(fault: Hum, named: BaseCandidate) -> bool:
+    """Whether a tone has a multiple of the frequency of a named disturbance, as far as the record tells: it is the shape of that one."""
+    record, theta = named.problem.record, [named.theta_of(i) for i in range(len(named.effects))]
+    told_apart = 2.0 * np.pi / float(record.dt * np.max(record.lengths))
+    lines = [float(w[1]) for effect, w in zip(named.effects, theta) if effect.name == Hum.effect]
+    return any(
+        abs(fault.angular_frequency - max(round(fault.angular_frequency / w), 1) * w) < told_apart for w in lines
+    )
 
 
 def fit_beside(base: Evidence) -> _Fit | None:
