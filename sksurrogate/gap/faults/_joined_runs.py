@@ -11,6 +11,7 @@ import numpy as np
 from sksurrogate.effects._lattice import lattice_steps
 from sksurrogate.gap.faults._wrong_readings import EXPECTED, ONE_STEP
 from sksurrogate.gap.results._data_faults import listed
+from sksurrogate.kernels.linear_fit import linear_least_squares
 from sksurrogate.kernels.readings import jumps_that_stay
 from sksurrogate.kernels.smoother import noise_of_differences
 from sksurrogate.physics._simulator import Plant
@@ -64,7 +65,7 @@ def shown_at_once(X: np.ndarray, y: np.ndarray) -> np.ndarray:
         known = ~np.isnan(moved) & np.any(du != 0.0, axis=1)
         gain, weights = np.zeros(X.shape[1]), np.ones(known.sum())
         for _ in range(REWEIGHTED if known.any() else 0):
-            gain = np.linalg.lstsq(weights[:, None] * du[known], weights * moved[known], rcond=None)[0]
+            gain = linear_least_squares(weights[:, None] * du[known], weights * moved[known])
             left = np.abs(moved[known] - du[known] @ gain)
             weights = 1.0 / np.sqrt(np.maximum(left, max(1e-9 * float(np.max(left)), 1e-300)))
         out[:, j] = X @ gain
