@@ -19,6 +19,10 @@ _FEWEST_WITH_EVENTS = 4
 _EVENTS_IN_SUBSTEP = 4
 #: Share of a step after which a point that starts on an event must have risen.
 _SHORT = 1e-3
+#: A condition of this share of what it is at the ends of the sample is zero.
+_ZERO = 1e-9
+#: What falls with a speed does at half a time half as much as at the whole; below this share it falls from rest.
+_FROM_REST = 0.4
 #: Steps of the search for the moment of an event.
 _LOCATE = 30
 
@@ -47,11 +51,12 @@ class EventMap:
         """States (n_states, n_points) a time ``dt`` later under held inputs, each point in as many substeps as its error asks for."""
         times, out = np.broadcast_to(np.asarray(t, dtype=float), x.shape[1:]), np.empty_like(x, dtype=float)
         rows, n_sub = np.arange(x.shape[1]), _FEWEST_WITH_EVENTS if self.pairs else 1
-        coarse, _ = self._march(times, x, u, p, dt, n_sub)
+        zero = self._zero(times, x, u, p, dt)
+        coarse, _ = self._march(times, x, u, p, dt, n_sub, zero)
         while True:
             n_sub *= 2
             at = x[:, rows]
-            fine, rested = self._march(times[rows], at, u[:, rows], _of(p, rows), dt, n_sub)
+            fine, rested = self._march(times[rows], at, u[:, rows], _of(p, rows), dt, n_sub, zero[:, rows])
             out[:, rows] = fine
             error = np.max(np.abs(fine - coarse) / (np.maximum(np.abs(at), np.abs(fine)) + 1e-12), axis=0)
             open_ = np.isfinite(error) & ~rested & (error > _EVENT_TOLERANCE)
@@ -59,19 +64,28 @@ class EventMap:
                 return out
             rows, coarse = rows[open_], fine[:, open_]
 
+    def _zero(self, t: np.ndarray, x: np.ndarray, u: np.ndarray, p: Mapping[str, Any], dt: float) -> np.ndarray:
+        """Values up to which every condition counts as zero, (n_events, n_points)."""
+        if not self.pairs:
+            return np.zeros((0, x.shape[1]))
+        end = self._rk4(t, x, u, p, np.full(x.shape[1], float(dt)))
+        ends = [(when(t, x, u, p)[0], when(t + dt, end, u, p)[0]) for when, _ in self.pairs]
+        return np.array([_ZERO * np.maximum(np.abs(a), np.abs(b)) for a, b in ends])
+
     def _march(
-        self, t: np.ndarray, x: np.ndarray, u: np.ndarray, p: Mapping[str, Any], dt: float, n_sub: int
+        self, t: np.ndarray, x: np.ndarray, u: np.ndarray, p: Mapping[str, Any], dt: float, n_sub: int, zero: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """States after ``n_sub`` steps; which points came to rest on an event."""
         h = np.full(x.shape[1], float(dt) / n_sub)
         rested = np.zeros(x.shape[1], bool)
         for s in range(n_sub):
-            x = self._substep(t + s * h, x, u, p, h, rested)
+            x = self._substep(t + s * h, x, u, p, h, rested, zero)
         return x, rested
 
     def _substep(
-        self, t: np.ndarray, x: np.ndarray, u: np.ndarray, p: Mapping[str, Any], h: np.ndarray, rested: np.ndarray
-    ) -> np.ndarray:
+        self, t: np.ndarray, x: np.ndarray, u: np.ndarray, p: Mapping[str, Any], h: np.ndarray, rested: np.ndarray,
+        zero: np.ndarray,
+    ) -> np.ndarray:  # fmt: skip
         """A Runge-Kutta step, cut at events."""
         out = np.where(rested, x, self._rk4(t, x, u, p, h))
         h = np.where(rested, 0.0, h)
@@ -79,7 +93,7 @@ class EventMap:
         start, end, left, now = x, out, h, t
         for count in range(_EVENTS_IN_SUBSTEP + 1):
             q, v = _of(p, active), u[:, active]
-            which, share = self._first(now, start, end, v, q, left)
+            which, share = self._first(now, start, end, v, q, left, zero[:, active])
             hit = np.flatnonzero(which >= 0)
             if not len(hit):
                 return out
@@ -102,20 +116,29 @@ class EventMap:
         return out
 
     def _first(
-        self, t: np.ndarray, x: np.ndarray, end: np.ndarray, u: np.ndarray, p: Mapping[str, Any], h: np.ndarray
+        self,
+        t: np.ndarray,
+        x: np.ndarray,
+        end: np.ndarray,
+        u: np.ndarray,
+        p: Mapping[str, Any],
+        h: np.ndarray,
+        zero: np.ndarray,
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Number of the first event of every point (-1: none) and the share of the step at which it happens."""
+        """Number of the first event of every point (-1: none) and the share of the step at which it happens.
+
+        A condition that is below zero has fallen through it: its event does not happen again until it has risen.
+        """
         which, share = np.full(x.shape[1], -1), np.ones(x.shape[1])
         for k, (when, _) in enumerate(self.pairs):
             before, after = when(t, x, u, p)[0], when(t + h, end, u, p)[0]
-            begin, tiny = np.zeros(len(h)), 1e-12 * (1.0 + np.maximum(np.abs(before), np.abs(after)))
-            on = np.flatnonzero((before <= tiny) & (after < -tiny) & (h > 0))
+            begin, tiny = np.zeros(len(h)), zero[k]
+            on = np.flatnonzero((np.abs(before) <= tiny) & (after < 0.0) & (h > 0))
             if len(on):  # it starts on the event: does it rise and fall again within the step, or fall at once?
-                short, v, q = _SHORT * h[on], u[:, on], _of(p, on)
+                v, q, here = u[:, on], _of(p, on), before[on]
                 begin[on] = _SHORT
-                before[on] = when(t[on] + short, self._rk4(t[on], x[:, on], v, q, short), v, q)[0]
-                falls = on[before[on] <= 0]
-                which[falls], share[falls] = k, 0.0
+                before[on], falls = self._held(k, t[on], x[:, on], v, q, _SHORT * h[on], here)
+                which[on[falls]], share[on[falls]] = k, 0.0
             rows = np.flatnonzero((before > np.where(begin > 0, 0.0, tiny)) & (after <= 0) & (h > 0))
             if len(rows):
                 v, q = u[:, rows], _of(p, rows)
@@ -124,6 +147,31 @@ class EventMap:
                 earlier = (found < share[rows]) | (which[rows] < 0)
                 which[rows], share[rows] = np.where(earlier, k, which[rows]), np.minimum(found, share[rows])
         return which, share
+
+    def _held(
+        self,
+        k: int,
+        t: np.ndarray,
+        x: np.ndarray,
+        u: np.ndarray,
+        p: Mapping[str, Any],
+        short: np.ndarray,
+        here: np.ndarray,
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Condition k a short time after points on its zero, and whether its event happens there again.
+
+        It does where the states after it rise from there (a ball that falls onto the floor), and where the condition falls from rest (a
+        ball that lies on it). Where it falls with a speed that the event does not turn, this event has happened.
+        """
+        when, then = self.pairs[k]
+
+        def ahead(start: np.ndarray, step: np.ndarray) -> np.ndarray:
+            return np.asarray(when(t + step, self._rk4(t, start, u, p, step), u, p)[0])
+
+        later, half = ahead(x, short), ahead(x, 0.5 * short)
+        turned = ahead(then(t, x, u, p), short) > here
+        from_rest = np.abs(half - here) < _FROM_REST * np.abs(later - here)
+        return later, (later <= 0.0) & (turned | from_rest)
 
     def _locate(
         self, when: PointwiseFunction, t: np.ndarray, x: np.ndarray, u: np.ndarray, p: Mapping[str, Any], h: np.ndarray,

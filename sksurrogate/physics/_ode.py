@@ -58,8 +58,8 @@ class ODESimulator(ParametricSimulator):
     kinematic : list of str, optional
         States that are integrals of others, beside those whose rate is seen to be another state: no force is sought there.
     events : list of (when, then), optional
-        Two functions of ``(t, x, u, p)``: the states become ``then`` at the moment ``when`` falls through zero, for instance
-        ``[(lambda t, x, u, p: x[0], lambda t, x, u, p: (0 * x[0], -p["e"] * x[1]))]`` for a ball that bounces. With them the
+        Two functions of ``(t, x, u, p)``: the states become ``then`` at the moment ``when`` falls through zero (a condition of states
+        and time; what an input takes below zero at once is no fall), for instance ``[(lambda t, x, u, p: x[0], lambda t, x, u, p: (0 * x[0], -p["e"] * x[1]))]`` for a ball that bounces. With them the
         plant is known by its map from sample to sample (``step``); inputs are held.
     units : dict of str, optional
         Units of states, inputs, outputs, parameters and "time" by name, for reports and labels: ``{"speed": "rad/s"}``.

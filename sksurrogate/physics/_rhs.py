@@ -317,5 +317,6 @@ def _first_time(function: Any) -> bool:
 
 
 def _components(value: Any) -> Any:
-    """A scalar counts as one component."""
-    return value if hasattr(value, "__len__") else [value]
+    """A scalar counts as one component, and so does an array without axes, as of ``np.where``."""
+    scalar = not hasattr(value, "__len__") or (isinstance(value, np.ndarray) and value.ndim == 0)
+    return [value] if scalar else value

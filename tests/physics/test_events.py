@@ -103,3 +103,66 @@ def test_every_point_takes_the_substeps_that_it_needs():
     for i in range(4):
         alone = samples.sample(0.0, x[:, [i]], u[:, [i]], {"k": k[[i]]}, 1.0)
         assert alone[0, 0] == found[0, i]
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e-12, 1e9])
+def test_a_condition_that_stays_below_zero_has_one_event(unit):
+    """At a moment the state is raised once; a level that is passed counts once. Closed form: two exponentials, and a count of one."""
+    t, moment = 0.1 * np.arange(40), 1.234
+    once = ODESimulator(
+        lambda t, x, u, p: (-x[0],), states=["x"], inputs=["u"], outputs=["x"], params={}, dt=0.1, x0=[unit],
+        events=[(lambda t, x, u, p: moment - t + 0 * x[0], lambda t, x, u, p: (x[0] + unit,))],
+    )  # fmt: skip
+    expected = np.exp(-t) + np.where(t < moment, 0.0, np.exp(moment - t))
+    np.testing.assert_allclose(once.simulate(np.zeros((40, 1)))[:, 0] / unit, expected, atol=1e-7)
+    counted = ODESimulator(
+        lambda t, x, u, p: (unit + 0 * x[0], 0 * x[0]), states=["level", "n"], inputs=["u"], outputs=["n"], params={}, dt=0.1,
+        x0=[0.0, 0.0], events=[(lambda t, x, u, p: 1.03 * unit - x[0], lambda t, x, u, p: (x[0], x[1] + 1.0))],
+    )  # fmt: skip
+    found = counted.simulate(np.zeros((40, 1)))[:, 0]
+    np.testing.assert_array_equal(found, np.where(t < 1.03, 0.0, 1.0))
+
+
+def test_a_valve_that_opens_for_good_opens_once():
+    """It says so again while the pressure goes on rising; the pressure does not stop there."""
+    plant = ODESimulator(
+        lambda t, x, u, p: (1.0 - 0.4 * x[1], 0 * x[0]), states=["pressure", "open"], inputs=["u"], outputs=["pressure"],
+        params={}, dt=0.1, x0=[0.0, 0.0],
+        events=[(lambda t, x, u, p: 1.03 - x[0], lambda t, x, u, p: (x[0], 1.0 + 0 * x[1]))],
+    )  # fmt: skip
+    t = 0.1 * np.arange(40)
+    expected = np.where(t < 1.03, t, 1.03 + 0.6 * (t - 1.03))
+    np.testing.assert_allclose(plant.simulate(np.zeros((40, 1)))[:, 0], expected, atol=1e-9)
+
+
+@pytest.mark.parametrize("unit", [1e-12, 1e-6, 1e6])
+def test_a_ball_bounces_alike_in_any_unit_of_length(unit):
+    def run(size):
+        plant = ball(g=9.81 * size).set_params(x0=[size, 0.0])
+        return plant.simulate(np.zeros((150, 1)))[:, 0] / size
+
+    np.testing.assert_allclose(run(unit), run(1.0), atol=1e-9)
+
+
+def test_conditions_and_rates_of_one_component_may_be_arrays_without_axes():
+    """``np.where`` of one number gives one."""
+    where, plain = (
+        ODESimulator(
+            rate,
+            states=["x"],
+            inputs=["u"],
+            outputs=["x"],
+            params={},
+            dt=0.1,
+            x0=[1.0],
+            events=[(when, lambda t, x, u, p: (x[0] + 1.0,))],
+        )
+        for rate, when in (
+            (
+                lambda t, x, u, p: np.where(x[0] > 0, -x[0], -2 * x[0]),
+                lambda t, x, u, p: np.where(x[0] > 0, x[0] - 0.5, x[0]),
+            ),
+            (lambda t, x, u, p: (-x[0],), lambda t, x, u, p: x[0] - 0.5),
+        )
+    )
+    np.testing.assert_allclose(where.simulate(np.zeros((40, 1))), plain.simulate(np.zeros((40, 1))), atol=1e-12)
