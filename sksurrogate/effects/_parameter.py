@@ -44,7 +44,9 @@ class ParameterError(ParameterEffect):
     twins = ("input_gain", "sensor_gain", "linear_loss", "parameter_drift")
 
     def value(self, p: Any, t: Any, theta: Sequence[Any], width: float) -> Any:
-        """``p (1 + c)``."""
+        """``p (1 + c)``; what another effect has made of p, a symbol in a graph, is not 0."""
+        if not isinstance(p, int | float | np.ndarray | np.generic):
+            return p * (1 + theta[0])
         return np.where(np.equal(p, 0), p + theta[0], p * (1 + theta[0]))
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:

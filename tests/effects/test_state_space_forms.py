@@ -93,6 +93,20 @@ def test_every_effect_of_the_catalogue_runs_as_it_is_simulated(name, simulator):
     assert np.max(np.abs(found - expected)) < 1e-9
 
 
+@pytest.mark.parametrize("first", ["parameter_step", "parameter_drift", "parameter_dependence"])
+def test_a_wrong_parameter_that_changes_too_runs_as_it_is_simulated(first):
+    """The error acts on what the other effect has made of the parameter."""
+    effects = [
+        CATALOGUE[first]("k", "q" if first == "parameter_dependence" else None),
+        CATALOGUE["parameter_error"]("k"),
+    ]
+    values = [(0.3, 1.0)[: len(effects[0].parameters)], (0.2,)]
+    model = AugmentedSimulator(ODE, effects, values, scale=SCALE)
+    expected, n_sub = _simulated(model)
+    found = _run(_numpy(model, n_sub), model.start_state(X0, U[0], n_sub))
+    np.testing.assert_allclose(found, expected, atol=1e-9)
+
+
 MANY = (
     ("input_saturation", "rate_limit", "input_delay", "input_lag", "sensor_lag", "sensor_delay", "sensor_gain"),
     ("input_backlash", "input_delay", "hysteresis", "hidden_mode", "sensor_delay"),
