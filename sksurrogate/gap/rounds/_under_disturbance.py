@@ -20,6 +20,7 @@ from sksurrogate.gap.fit._evidence import Evidence, estimate_noise
 from sksurrogate.gap.fit._ode import OdeBackend
 from sksurrogate.gap.render._notes import disturbed
 from sksurrogate.gap.rounds._some_runs import Answer, Begin, asked_again, is_late
+from sksurrogate.gap.search._related_forms import hardly_more
 from sksurrogate.kernels.disturbance import Noise
 from sksurrogate.kernels.record import Record
 from sksurrogate.runs import Runs
@@ -32,7 +33,7 @@ def under_disturbance(begin: Begin, runs: Runs, record: Record, first: Answer, p
     """The diagnosis with what the likeliest candidate leaves as a known disturbance.
 
     None where names or a law explain the gap without it, where less is left than counts as noise anyway, where nothing is named under it
-    that comes as near on runs left out as the first answer did, and where what is named closes less of what the simulator misses there than
+    that comes hardly less near on runs left out than the first answer did, and where what is named closes less of what the simulator misses there than
     the disturbance makes up.
 
     ``first``: the diagnosis as usual.
@@ -48,9 +49,12 @@ def under_disturbance(begin: Begin, runs: Runs, record: Record, first: Answer, p
     pipeline.search.report("under a disturbance of the plant")
     disturbed_record = replace(record, disturbance=np.hypot(record.disturbance, left))
     answer = asked_again(partial(begin, runs, disturbed_record), progress)
-    if answer is None or answer[1].shrink.after > min(remains, HALF_THE_POWER * answer[1].shrink.before):
+    if answer is None:
         return None
     again, said = answer
+    after, before = said.shrink.after, said.shrink.before
+    if after > HALF_THE_POWER * before or after**2 > hardly_more(remains**2, before**2):
+        return None
     note = disturbed(dict(zip(said.outputs, left / record.spread)))
     return again, replace(said, notes=(note, *said.notes), data=report.data)
 
