@@ -40,19 +40,20 @@ def retuned_simulator(simulator: Any, retuned: Mapping[str, float] | None) -> An
 
 
 def even_times(t: Any, n_samples: int, dt: float) -> tuple[np.ndarray, float]:
-    """Times and their even step."""
+    """Times and their even step, as far as numbers of their size hold it: seconds since 1970 are rounded to 2e-7."""
     if t is None:
         return dt * np.arange(n_samples), dt
     times = np.asarray(t, dtype=float)
     if times.shape != (n_samples,):
         raise SimulatorError(f"t has shape {times.shape}, expected ({n_samples},): one time for each row of U.")
     steps = np.diff(times)
-    if len(steps) and not np.allclose(steps, steps[0], rtol=1e-6, atol=0):
+    rounding = 4.0 * float(np.spacing(np.max(np.abs(times), initial=0.0)))
+    if len(steps) and not np.allclose(steps, steps[0], rtol=1e-6, atol=rounding):
         row = int(np.argmax(np.abs(steps - steps[0]))) + 1
         raise SimulatorError(
             f"t is not evenly spaced (row {row}): effects with a memory need an even step; resample the run."
         )
-    return times, float(steps[0]) if len(steps) else dt
+    return times, float(np.mean(steps)) if len(steps) else dt
 
 
 def plain_runs(simulator: Any, U: np.ndarray, X0: Any, t: Any) -> np.ndarray:

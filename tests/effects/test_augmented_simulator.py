@@ -191,6 +191,14 @@ def test_times_may_start_anywhere_but_must_be_even(oscillator):
         push.simulate(U[:4], t=[0.0, 0.02])
 
 
+def test_stamps_since_1970_are_even_though_they_are_rounded(make_tanks):
+    plant, U = make_tanks(), np.abs(np.random.default_rng(0).normal(size=(40, 2)))
+    slow = AugmentedSimulator(plant, [CATALOGUE["sensor_lag"]("level")], [(0.3,)])
+    stamps = 1.7e9 + plant.dt * np.arange(40)
+    assert np.ptp(np.diff(stamps)) > 1e-6 * plant.dt
+    np.testing.assert_allclose(slow.simulate(U, t=stamps), slow.simulate(U), atol=1e-5)
+
+
 def test_without_memory_it_is_a_right_hand_side_again(make_tanks):
     plant, U = make_tanks(), np.abs(np.random.default_rng(0).normal(size=(40, 2)))
     places = [("quadratic_drag", "upper", "upper"), ("bilinear", "lower", "second*upper"), ("parameter_error", "a")]
