@@ -157,7 +157,7 @@ def _acts_from_afar(effect: BaseEffect, problem: OdeBackend) -> bool:
 
 
 def _candidates(task: Task, balances: Sequence[str]) -> list[BaseEffect]:
-    """All effects, also as they may be besides.
+    """All effects, and further forms of some.
 
     A memory may be in motion where a run begins, or an actuator at rest before a first step; a sensor may be early where clocks are
     apart; a drift may level off, and a quantizer round down.

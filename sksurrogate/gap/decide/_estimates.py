@@ -12,7 +12,7 @@ from sksurrogate.effects._catalogue import name_of
 from sksurrogate.effects._ports import at_port
 from sksurrogate.gap.decide._partial_results import PartialResults
 from sksurrogate.gap.fit._evidence import C, Evidence
-from sksurrogate.gap.results._effect_estimate import EffectEstimate
+from sksurrogate.gap.results._effect_estimate import SHAPE_NUMBERS, EffectEstimate
 from sksurrogate.gap.results._next_experiment import NextExperiment, first_of
 from sksurrogate.gap.results._table import EMPTY, Table
 from sksurrogate.gap.search._base import BaseSearch
@@ -32,6 +32,7 @@ def estimates(search: BaseSearch[C], final: Evidence[C], found: PartialResults, 
     for i, effect in enumerate(final.effects):
         rows = final.candidate.slice_of(i)
         others = _class_of(search, final.candidate, i, found)
+        shape: dict[str, Any] = {name: getattr(effect, name, 0.0) for name in SHAPE_NUMBERS}
         params, ends = reported(effect, best.fit.theta[rows], low[rows], high[rows])
         out.append(
             EffectEstimate(
@@ -56,10 +57,7 @@ def estimates(search: BaseSearch[C], final: Evidence[C], found: PartialResults, 
                 simpler=_plain(others.simpler),
                 before=getattr(effect, "before", None),
                 settled=getattr(effect, "settled", True),
-                corner=getattr(effect, "corner", 0.0),
-                curvature=getattr(effect, "curvature", 0.0),
-                levelling=getattr(effect, "levelling", 0.0),
-                lower=getattr(effect, "lower", 0.0),
+                **shape,
             )
         )
     return out

@@ -44,7 +44,7 @@ PIECES_NOTE = (
 KINK_NOTE = "The kink of {name} is fitted as a smooth turn, about {width:.3g} wide in {variable} on each side."
 IN_MORE_NAMES = "These data cannot tell {others} together from {names}; the fewest names stand."
 #: The same of as many names, which one by one predict what those named do.
-IN_OTHER_NAMES = "These data cannot tell {others} from {names}; what is likelier before any data stands."
+IN_OTHER_NAMES = "These data cannot tell {others} from {names}; the more usual names are given."
 
 
 def lost_places(names: Sequence[str]) -> list[str]:

@@ -28,6 +28,8 @@ LEAST_JUMPS = 3
 NOISE_AT_LEAST = 1e-3
 #: Rows of a run: fewer between two jumps are a part of the motion, as where inputs were written as outputs.
 SHORTEST_RUN = 8
+#: Rows in which inputs move that tell what they do at once: a few numbers, which the millions of a long run tell no better.
+MOST_MOVES = 4096
 #: Least squares, each weighted by what the last one leaves, that give the least sum of absolute deviations.
 REWEIGHTED = 20
 
@@ -61,10 +63,12 @@ def shown_at_once(X: np.ndarray, y: np.ndarray) -> np.ndarray:
     0.0
     """
     du, dy, out = np.diff(X, axis=0), np.diff(y, axis=0), np.zeros(y.shape)
+    moves = np.any(du != 0.0, axis=1)
     for j, moved in enumerate(dy.T):
-        known = ~np.isnan(moved) & np.any(du != 0.0, axis=1)
-        gain, weights = np.zeros(X.shape[1]), np.ones(known.sum())
-        for _ in range(REWEIGHTED if known.any() else 0):
+        known = np.flatnonzero(~np.isnan(moved) & moves)
+        known = known[:: len(known) // MOST_MOVES + 1]
+        gain, weights = np.zeros(X.shape[1]), np.ones(len(known))
+        for _ in range(REWEIGHTED if len(known) else 0):
             gain = linear_least_squares(weights[:, None] * du[known], weights * moved[known])
             left = np.abs(moved[known] - du[known] @ gain)
             weights = 1.0 / np.sqrt(np.maximum(left, max(1e-9 * float(np.max(left)), 1e-300)))

@@ -11,7 +11,7 @@ from sksurrogate.effects._families import HiddenEffect
 from sksurrogate.effects._onset import WINDOW
 from sksurrogate.effects._smooth import KINK_SHARPNESS
 from sksurrogate.gap.render._values import is_wrong_parameter, number
-from sksurrogate.gap.results._effect_estimate import EffectEstimate
+from sksurrogate.gap.results._effect_estimate import SHAPE_NUMBERS, EffectEstimate
 from sksurrogate.gap.results._report_data import ReportData
 
 #: Effects that may begin elsewhere than at rest.
@@ -105,11 +105,7 @@ def _made(effect: EffectEstimate) -> str:
     given = [repr(place) for place in (effect.location, effect.variable) if place is not None]
     given += [] if effect.before is None else [f"before={effect.before!r}"]
     given += ["settled=False"] if not effect.settled and effect.name in _WITH_HIDDEN_STATES else []
-    given += [
-        f"{name}={number(value, 12)}"
-        for name in ("corner", "curvature", "levelling", "lower")
-        if (value := getattr(effect, name))
-    ]
+    given += [f"{name}={number(value, 12)}" for name in SHAPE_NUMBERS if (value := getattr(effect, name))]
     made = f'CATALOGUE["{effect.name}"]({", ".join(given)})'
     span = tuple(name for name in effect.params if name in WINDOW)
     return f"starting({made}, {span!r})" if span else made

@@ -9,6 +9,8 @@ import numpy as np
 
 #: Half width of a 90 % interval in standard deviations.
 BAND = 1.645
+#: Numbers in the shape of an effect, 0 where it has the form of the catalogue.
+SHAPE_NUMBERS = ("corner", "curvature", "levelling", "lower")
 #: How a parameter depends on a signal, by the curvature of the dependence.
 CURVES = {-1.0: "as a square root", 1.0: "exponentially", 2.0: "as one over a straight line"}
 

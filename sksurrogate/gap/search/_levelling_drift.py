@@ -12,7 +12,7 @@ from sksurrogate.gap.search._restart import WORTH_A_FIT
 from sksurrogate.gap.search._softer import MOST_BETWEEN, in_form, lowest, worth
 
 #: Time constant over the longest run of a drift that is straight to the data; the factor between two that are tried.
-STRAIGHT, FACTOR = 16.0, 3.0
+STRAIGHT, TIMES_APART = 16.0, 3.0
 
 
 def levelling_where_nearer(candidate: C, price: float) -> C:
@@ -31,7 +31,7 @@ def at_best_time(candidate: C, i: int) -> C:
     assert isinstance(effect, Levelling)
     own = STRAIGHT if effect.levelling == 0.0 else 1.0 / (effect.levelling * longest_run(candidate))
     tried, at = {own: candidate}, partial(with_time, candidate, i=i)
-    share = own / FACTOR
+    share = own / TIMES_APART
     for _ in range(MOST_BETWEEN):
         found = at(share)
         if found is None:
@@ -40,7 +40,7 @@ def at_best_time(candidate: C, i: int) -> C:
         costs = {s: one.fit.cost for s, one in tried.items()}
         share = lowest(costs)
         if share in tried:  # at an end: further that way, as long as the drift is none that is straight
-            share *= FACTOR if share == max(tried) else 1.0 / FACTOR
+            share *= TIMES_APART if share == max(tried) else 1.0 / TIMES_APART
             if share > STRAIGHT or min(costs.values()) == found.fit.cost > before - WORTH_A_FIT:
                 break
     return min(tried.values(), key=lambda one: one.fit.cost)

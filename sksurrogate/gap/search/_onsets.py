@@ -62,7 +62,7 @@ def confined(screen: Screen, lengths: np.ndarray, least: float) -> list[Confined
     if not len(order):
         return []
     about = _Within(screen, order, lengths)
-    always, longest = about.drop_of(about.whole()), int(lengths.max())
+    always, longest = about.drop_of(about.whole), int(lengths.max())
     best, kind = np.zeros(len(order)), np.zeros(len(order), int)
     for found in about.on_a_grid(longest):
         for span, drop in found.items():
@@ -113,9 +113,10 @@ class _Within:
     @cached_property
     def total(self) -> float:
         """Squared residual, initial states free."""
-        r = self.whole()[0]
+        r = self.whole[0]
         return float(np.sum(r * r))
 
+    @cached_property
     def whole(self) -> np.ndarray:
         """Residual and columns without what initial states of the runs explain."""
         return project_starts(self.stack, self.J_x, self.screen.record_starts)
@@ -148,7 +149,8 @@ class _Within:
         """Drops within windows about the best of the grid: edges moved by shorter and shorter steps to where the best effect explains most."""
         step, best = int(longest * (EDGE_SHARES[1] - EDGE_SHARES[0])), max(self.known, key=self.most)
         while step >= 1:
-            moved = [tuple(np.add(best, step * np.array(way)).tolist()) for way in _ways(len(best))]
+            ways = itertools.product((-step, 0, step), repeat=len(best))
+            moved = [tuple(edge + by for edge, by in zip(best, way)) for way in ways]
             able = [one for one in moved if one[0] > 0 and one[-1] < longest and one[0] < one[-1] + (len(one) < 2)]
             yield from [self.within(*one) for one in able if one not in self.known]
             other = max((best, *able), key=self.most)
@@ -163,11 +165,6 @@ class _Within:
     def most(self, edges: tuple[int, ...]) -> float:
         """Of the drops within these windows the largest."""
         return max(float(drop.max()) for drop in self.known[edges].values())
-
-
-def _ways(n: int) -> Iterator[tuple[int, ...]]:
-    """Ways in which n edges are moved: each back, not or forth."""
-    return itertools.product((-1, 0, 1), repeat=n)
 
 
 def twins_with_onset(screen: Screen, effect: BaseEffect, theta: np.ndarray) -> list[tuple[BaseEffect, np.ndarray]]:
