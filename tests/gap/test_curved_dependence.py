@@ -1,5 +1,7 @@
 """How a parameter depends on a signal: in a straight line, exponentially, as one over it, as a root; fitted, carried, said, stored."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -99,3 +101,14 @@ def test_a_curve_has_the_same_free_run_as_a_graph():
         now = graph(x=state, u=u)
         state, found = np.ravel(now["x_next"]), [*found, float(np.ravel(now["y"])[0])]
     np.testing.assert_allclose(found, np.ravel(whole.simulate(run)), atol=1e-6)
+
+
+def test_a_parameter_that_is_re_tuned_too_is_reported_as_it_acts():
+    """Only the product of the free rate and its dependence shows; the report gives the rate at both ends of the warmth."""
+    X, y, groups = recorded(1.0)
+    report = GapDiagnoser(REACTOR, free_params=["rate"], n_jobs=1, random_state=0).fit(X, y, groups=groups).report_
+    found = re.search(
+        r"rate: 0\.4 -> (\S+) at warmth = (\S+), (\S+) at warmth = ([\d.]+)", " ".join(report.sentence.split())
+    )
+    for rate, warmth in (found.group(1, 2), found.group(3, 4)):
+        assert float(rate) == pytest.approx(RATE * np.exp(SLOPE * (float(warmth) - WARM)), rel=0.03)

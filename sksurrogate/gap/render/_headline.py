@@ -51,14 +51,18 @@ def joined(names: Sequence[str]) -> str:
     return names[0] if len(names) == 1 else ", ".join(names[:-1]) + " and " + names[-1]
 
 
+def _lines(effect: EffectEstimate, report: ReportData) -> list[str]:
+    """What an effect changes, one line a parameter."""
+    retuned = {str(row["parameter"]): float(row["value"]) for row in report.retuned if "value" in row}
+    return change_of(effect, report.nominal, report.units, report.ranges, retuned)
+
+
 def changes(report: ReportData) -> list[tuple[str, list[str], str]]:
     """Every named effect and the re-tuned parameters: what it is, its lines, how sure it is."""
     out = []
     for effect in report.effects:
         what = f"parameter {effect.location}" if effect.name == "parameter_error" else effect_text(effect)
-        out.append(
-            (what, change_of(effect, report.nominal, report.units, report.ranges), confidence(effect.probability))
-        )
+        out.append((what, _lines(effect, report), confidence(effect.probability)))
     named = {effect.location for effect in report.effects if is_wrong_parameter(effect)}
     rows = [row for row in report.retuned if "value" in row and row["parameter"] not in named]
     moved = [_retuned(row, report) for row in rows if row.get("moved")]
@@ -227,7 +231,7 @@ def _nearest_law(report: ReportData) -> str:
 
 def _short(effect: EffectEstimate, report: ReportData) -> str:
     """An effect with what it changes and since when, in a few words."""
-    line = change_of(effect, report.nominal, report.units, report.ranges)[0] if effect.params else ""
+    line = _lines(effect, report)[0] if effect.params else ""
     change, _, _ = line.partition(" [")
     window = "".join(
         f", {word} t = {quantity(effect.params[name], report.units.get(TIME, ''))}"

@@ -145,11 +145,13 @@ def change_of(
     nominal: Mapping[str, float],
     units: Mapping[str, str],
     ranges: Mapping[str, tuple[float, float]] = MappingProxyType({}),
+    retuned: Mapping[str, float] = MappingProxyType({}),
 ) -> list[str]:
     """What the effect changes, one line a parameter: *before -> after* of the simulator's own, else value and interval.
 
     ``nominal``: parameters of the simulator as it was given.
     ``ranges``: of the signals along the data; of a parameter that depends on one its values at both ends.
+    ``retuned``: values of free parameters, which such a dependence multiplies.
 
     >>> wrong = EffectEstimate("parameter_error", "length", None, 1.0, {"relative_error": 0.25}, {"relative_error": (0.2, 0.3)}, 1.0)
     >>> change_of(wrong, {"length": 2.0}, {"length": "m"})
@@ -164,7 +166,7 @@ def change_of(
     before, driver = nominal.get(effect.location), str(effect.variable)
     if before is not None and effect.name == "parameter_dependence" and driver in ranges:
         rest = {name: value for name, value in effect.params.items() if name != "relative_error"}
-        along = _along(effect, before, ranges[driver], units)
+        along = _along(effect, before, retuned.get(effect.location, before), ranges[driver], units)
         return [along, *change_of(replace(effect, params=rest), {}, units)]
     if before is not None and effect.name == "parameter_error" and "relative_error" in effect.params:
         rest = {name: value for name, value in effect.params.items() if name != "relative_error"}
@@ -181,16 +183,20 @@ def change_of(
     return lines
 
 
-def _along(effect: EffectEstimate, before: float, ends: tuple[float, float], units: Mapping[str, str]) -> str:
+def _along(
+    effect: EffectEstimate, before: float, fitted: float, ends: tuple[float, float], units: Mapping[str, str]
+) -> str:
     """A parameter of the simulator, and what it is where the signal that it depends on has its least and its largest value.
 
     >>> warm = EffectEstimate("parameter_dependence", "R", "T", 1.0, {"slope": 0.01, "relative_error": -0.2}, {}, 1.0)
-    >>> _along(warm, 5.0, (20.0, 60.0), {"R": "ohm", "T": "degC"})
+    >>> _along(warm, 5.0, 5.0, (20.0, 60.0), {"R": "ohm", "T": "degC"})
     'R: 5 ohm -> 5 ohm at T = 20 degC, 7 ohm at T = 60 degC'
+    >>> _along(warm, 5.0, 4.0, (20.0, 60.0), {})  # re-tuned besides
+    'R: 5 -> 4 at T = 20, 5.6 at T = 60'
     """
     form, name = ParameterDependence(curvature=effect.curvature), str(effect.variable)
     theta, unit = (effect.params["slope"], effect.params["relative_error"]), units.get(effect.location, "")
-    values = [float(form.value(before, 0.0, theta, 0.0, v)) for v in ends]
+    values = [float(form.value(fitted, 0.0, theta, 0.0, v)) for v in ends]
     at = (f"{quantity(p, unit)} at {name} = {quantity(v, units.get(name, ''))}" for p, v in zip(values, ends))
     return f"{effect.location}: {quantity(before, unit)} -> {', '.join(at)}"
 
