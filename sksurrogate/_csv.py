@@ -22,6 +22,7 @@ LARGEST_CSV = 512 * 2**20
 LONGEST_LABEL = 200
 #: A number with a decimal comma and nothing that groups digits; the beginning of a date.
 DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
+DECIMAL_POINT = re.compile(DECIMAL_COMMA.pattern.replace(",", r"\."))
 #: Cells that say that nothing was measured, in small letters.
 NOT_MEASURED = frozenset({"", "nan", "na", "n/a", "null", "none"})
 ISO_TIME = re.compile(r"\d{4}-\d{2}-\d{2}[T ]\d")
@@ -83,9 +84,19 @@ def read_header(path: Any) -> list[str]:
     with _text_file(path).open(newline="", encoding="utf-8-sig", errors="replace") as stream:
         first = stream.readline(2**16)
     try:
-        return [cell.strip() for cell in next(csv.reader([first], delimiter=max(",;\t", key=first.count)), [])]
+        return [cell.strip() for cell in next(csv.reader([first], delimiter=delimiter_of(first)), [])]
     except csv.Error:
         return []
+
+
+def delimiter_of(header: str) -> str:
+    """What stands between the cells of a header line: the most frequent outside of quotation marks and brackets, tab before semicolon before comma.
+
+    >>> delimiter_of("u\\ty [m,s]"), delimiter_of('"lev, a";y'), delimiter_of("u,y")
+    ('\\t', ';', ',')
+    """
+    bare = re.sub(r'"[^"]*"|\[[^\]]*\]|\([^)]*\)', "", header)
+    return max("\t;,", key=bare.count if any(map(bare.count, "\t;,")) else header.count)
 
 
 def _text_file(path: Any) -> Path:
@@ -122,7 +133,7 @@ def _by_pandas(
     if b'"' in data or len(set(named)) < len(named) or any(header.count(column) != 1 for column in named):
         return None
     places = {column: header.index(column) for column in named}
-    delimiter = max(",;\t", key=data.split(b"\n", 1)[0].decode(errors="replace").count)
+    delimiter = delimiter_of(data.split(b"\n", 1)[0].decode(errors="replace"))
     try:
         frame = pandas.read_csv(
             io.BytesIO(data), sep=delimiter, header=None, names=range(len(header)), skiprows=1, index_col=False,
@@ -149,6 +160,8 @@ def _plain(cells: list[str], clock: bool, gaps: bool, delimiter: str) -> np.ndar
         seconds = [watch.seconds(text) for text in cells]
         return np.empty(0) if None in seconds else np.array(seconds, dtype=float)
     if delimiter != ",":
+        if {_decimal_mark(text) for text in cells} >= {",", "."}:
+            return np.empty(0)
         cells = [text.replace(",", ".") if DECIMAL_COMMA.fullmatch(text) else text for text in cells]
     try:
         measured = [not gaps or text.lower() not in NOT_MEASURED for text in cells]
@@ -166,7 +179,7 @@ def _read(
     """Header, then rows."""
     first = stream.readline(2**16)
     stream.seek(0)
-    delimiter = max(",;\t", key=first.count)
+    delimiter = delimiter_of(first)
     rows = _lines(csv.reader(stream, delimiter=delimiter, strict=True), name)
     header = [cell.strip() for cell in next(rows, (1, []))[1]]
     _check_header(header, name, wanted, run, time)
@@ -174,15 +187,22 @@ def _read(
     places = [header.index(column) for column in wanted]
     label_at = header.index(run) if run else None
     values, labels = array("d"), []
-    clock = _Clock()
+    clock, marks = _Clock(), dict.fromkeys(wanted, "")
     for line, row in _samples(rows, clock=time is not None):
         if len(row) != len(header):
             hint = " Are numbers written with decimal commas?" if len(row) > len(header) else ""
             raise DataError(f"{name}, line {line}: {len(row)} cells, expected {len(header)} as in the header.{hint}")
         for j, column in zip(places, wanted):
             text = row[j]
-            if delimiter != "," and DECIMAL_COMMA.fullmatch(text.strip()):
-                text = text.replace(",", ".")
+            if delimiter != ",":
+                mark = _decimal_mark(text.strip())
+                marks[column] = marks[column] or mark
+                if mark and mark != marks[column]:
+                    raise DataError(
+                        f"{name}, line {line}, column {column!r}: {_short(text)} is written with {mark!r}, the rows before with "
+                        f"{marks[column]!r}: write all decimals in one way, and group no digits."
+                    )
+                text = text.replace(",", ".") if mark == "," else text
             if column in gaps and text.strip().lower() in NOT_MEASURED:
                 values.append(np.nan)
                 continue
@@ -203,6 +223,11 @@ def _read(
     table = np.array(values).reshape(-1, len(places))
     columns = {column: table[:, j] for j, column in enumerate(wanted)}
     return columns, _labels(labels) if label_at is not None else None
+
+
+def _decimal_mark(text: str) -> str:
+    """Of a number with decimals; empty where there is none."""
+    return "," if DECIMAL_COMMA.fullmatch(text) else "." if DECIMAL_POINT.fullmatch(text) else ""
 
 
 def _samples(rows: Iterator[tuple[int, list[str]]], clock: bool) -> Iterator[tuple[int, list[str]]]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.signal import lfilter
 from scipy.stats import chi2
 
 from sksurrogate._tables import unmasked
@@ -12,6 +13,9 @@ from sksurrogate.exceptions import DataError
 from sksurrogate.kernels.linear_fit import linear_least_squares
 
 __all__ = ["ResidualTest", "cross_correlation_test", "fit_percent", "whiteness_test"]
+
+#: An autoregression of the residual has at most one lag for so many rows.
+SAMPLES_AN_ORDER = 10
 
 
 class ResidualTest(NamedTuple):
@@ -100,8 +104,9 @@ def whiteness_test(residual: Any, n_lags: int = 20) -> ResidualTest:
 def cross_correlation_test(residual: Any, u: Any, n_lags: int = 20) -> ResidualTest:
     """Does the past of an input still predict the residual of one run?
 
-    The covariance of the correlations under independence is that of the input (for a white residual), so the statistic
-    counts coloured inputs rightly.
+    Both signals are filtered by the autoregression that makes the residual white (Box and Jenkins' prewhitening; its order has the
+    least BIC), so that a coloured residual, as that of a free run, is not taken for one that depends on the input. The covariance
+    of the correlations under independence is then that of the filtered input.
 
     Parameters
     ----------
@@ -124,6 +129,7 @@ def cross_correlation_test(residual: Any, u: Any, n_lags: int = 20) -> ResidualT
     e, v = _centred(residual, n_lags, "residual"), _centred(u, n_lags, "u")
     if len(e) != len(v):
         raise DataError(f"residual has {len(e)} rows and u has {len(v)}: give one input per residual.")
+    e, v = _prewhitened(e, v, min(n_lags, len(e) // SAMPLES_AN_ORDER))
     n, lags = len(e), np.arange(n_lags + 1)
     cross = np.array([e[k:] @ v[: n - k] for k in lags]) / n
     auto = np.array([v[k:] @ v[: n - k] for k in lags]) / n
@@ -131,6 +137,20 @@ def cross_correlation_test(residual: Any, u: Any, n_lags: int = 20) -> ResidualT
     statistic = float(n * cross @ linear_least_squares(covariance, cross, rcond=1e-10))
     correlation = cross / np.sqrt(auto[0] * (e @ e / n))
     return ResidualTest(lags, correlation, 2.576 / np.sqrt(n), statistic, float(chi2.sf(statistic, n_lags + 1)))
+
+
+def _prewhitened(e: np.ndarray, v: np.ndarray, most: int) -> tuple[np.ndarray, np.ndarray]:
+    """Both signals, less what an autoregression of at most ``most`` lags tells of the first."""
+    n = len(e)
+    lagged = (
+        np.stack([np.r_[np.zeros(k), e[: n - k]] for k in range(1, most + 1)], axis=1) if most else np.empty((n, 0))
+    )
+    fits = [linear_least_squares(lagged[most:, :k], e[most:]) if k else np.empty(0) for k in range(most + 1)]
+    left = np.array([np.sum((e[most:] - lagged[most:, : len(a)] @ a) ** 2) for a in fits])
+    bic = (n - most) * np.log(np.maximum(left, np.finfo(float).tiny)) + np.log(n) * np.arange(most + 1)
+    order = int(np.argmin(bic))
+    whitening = np.r_[1.0, -fits[order]]
+    return lfilter(whitening, [1.0], e)[order:], lfilter(whitening, [1.0], v)[order:]
 
 
 def _centred(values: Any, n_lags: int, name: str, least: int = 0) -> np.ndarray:

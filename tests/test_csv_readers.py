@@ -121,3 +121,15 @@ def test_a_row_of_empty_cells_is_a_sample_unless_a_clock_stands_beside_it(by_pan
             patch.setattr(_csv, "_by_pandas", lambda *given: None)
         columns, _ = _csv.read_csv(tmp_path / "d.csv", ["y", "z"], gaps=["y", "z"])
     np.testing.assert_array_equal(columns["y"], [1.0, np.nan, 5.0])
+
+
+@pytest.mark.parametrize("by_pandas", [True, False])
+def test_a_thousands_point_beside_decimal_commas_is_no_decimal(by_pandas, tmp_path):
+    said = read(b"u;y\n1;999,5\n2;1.000\n", tmp_path, by_pandas)
+    assert re.search(r"line 3, column 'y': '1.000' is written with '.', the rows before with ','", said)
+    assert read(b"u;y\n1.5;2,5\n2.5;3,5\n", tmp_path, by_pandas)[0] == {"u": [1.5, 2.5], "y": [2.5, 3.5]}
+
+
+@pytest.mark.parametrize("header", ["u\ty [m,s]", '"lev, a";y', "u;y(a,b,c)", "u,y"])
+def test_commas_in_names_part_no_cells(header):
+    assert _csv.delimiter_of(header) == ("\t" if "\t" in header else ";" if ";" in header else ",")

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import sklearn
+from scipy.signal import lfilter
 from scipy.stats import norm
 from sklearn.linear_model import LinearRegression
 from sklearn.model_selection import GridSearchCV, GroupKFold
@@ -146,3 +147,12 @@ def test_correlations_of_independent_signals_stay_within_their_band_in_99_of_100
     assert outside == pytest.approx(0.01, abs=5 * np.sqrt(0.01 / 2200))
     copies = cross_correlation_test(found[0].correlation, found[0].correlation, n_lags=2)
     assert copies.correlation[0] == pytest.approx(1.0)
+
+
+def test_a_coloured_residual_raises_no_more_alarms_than_a_white_one():
+    rng = np.random.default_rng(0)
+    pairs = lfilter([1.0], [1.0, -0.9], rng.normal(size=(200, 2, 300)))
+    false_alarms = np.mean([cross_correlation_test(e, u).p_value < 0.05 for e, u in pairs])
+    assert false_alarms < 0.05 + 3.5 * np.sqrt(0.05 * 0.95 / 200)
+    found = [cross_correlation_test(e + 0.5 * u, u).p_value < 0.05 for e, u in pairs]
+    assert np.mean(found) > 0.99

@@ -78,4 +78,4 @@ def is_null(effect: BaseEffect, theta: tuple[float, ...]) -> bool:
     if not effect.parameters:
         return False
     nulls = tuple(parameter.null for parameter in effect.parameters)
-    return theta == nulls or (effect.linear and theta[0] == nulls[0])
+    return theta == nulls or (effect.linear and not effect.acts_at_null and theta[0] == nulls[0])

@@ -138,6 +138,7 @@ class AsymmetricFriction(_DryFriction):
     at_port = ("speed", "level")
     parameters = (Parameter("level", low=0.0, unit="dx/dt"), Parameter("offset", unit="dx/dt"))
     equation = "- c sign(v) - c2"
+    acts_at_null = True
     signature = "a square wave with the sign of v about a mean that is not zero"
     twins = ("coulomb_friction", "constant_bias", "stribeck_friction")
     nests = ("coulomb_friction",)
@@ -161,7 +162,7 @@ class StribeckFriction(BalanceEffect):
         Parameter("static_level", low=0.0, unit="dx/dt"),
         Parameter("velocity", null=1.0, low=0.0, unit="v"),
     )
-    equation = "- (c + (cs - c) exp(-(v/vs)^2)) sign(v)"
+    equation = "- (c + (cs - c) exp(-(v/vs)^2)) sign(v), cs >= c"
     signature = "stick and slip at reversals; less friction once it moves"
     typical = "the friction is larger when slow, for longer than a part of a sample"
     twins = ("coulomb_friction", "asymmetric_friction", "lugre_friction")

@@ -67,6 +67,7 @@ class BaseEffect(PriorOdds, BaseEstimator):
     nests: ClassVar[tuple[str, ...]] = ()
     access: ClassVar[str] = "step"
     linear: ClassVar[bool] = True
+    acts_at_null: ClassVar[bool] = False  #: Whether its other parameters act where its magnitude is null
     order: ClassVar[int] = 0
     late: ClassVar[bool] = False  #: Asked only where something without a name remains beside all others
 

@@ -20,6 +20,8 @@ from sksurrogate.physics._free_run import LONG_RUN, TOLERANCE
 MOST_SHARP_SUBSTEPS = 192
 #: Substeps of the inputs where scipy integrates between them.
 SUBSTEPS_OF_SHARP = 4
+#: Its steps may be as short as this share of theirs: fast memories act as fast as they are.
+FOLLOWED_BY_SCIPY = 1e-3
 #: Right-hand sides that scipy may ask for between two substeps of the inputs: what needs more diverges.
 MOST_CALLS = 20_000
 
@@ -164,6 +166,7 @@ def _before_jumps(bound: BoundModel) -> np.ndarray:
 def _adaptive(bound: BoundModel, X0: np.ndarray, method: str) -> np.ndarray:
     """scipy's integrator from substep to substep of the inputs, limits at the end of each."""
     starts, t = bound.record.starts, bound.record.t
+    bound.followed = FOLLOWED_BY_SCIPY * bound.h
     length = bound.record.n_samples // len(starts)
     first = bound.start(X0[:, None])
     out = np.full((len(first), bound.record.n_samples), np.nan)

@@ -91,7 +91,7 @@ class LugreFriction(HiddenEffect):
         Parameter("static_level", null=1.0, low=TINY, unit="dx/dt", grows=True),
         Parameter("velocity", null=1.0, low=TINY, unit="v"),
     )
-    equation = "- c z, dz/dt = v - c abs(v) z / g(v), g = level + (static_level - level) exp(-(v/velocity)^2)"
+    equation = "- c z, dz/dt = v - c abs(v) z / g(v), g = level + (static_level - level) exp(-(v/velocity)^2), static_level >= level"
     signature = "springy before it slides, dry friction after"
     typical = "the bristles do not give way within a sample, as those of a dry friction do"
     twins = ("coulomb_friction", "stribeck_friction", "hysteresis")

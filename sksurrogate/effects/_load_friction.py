@@ -23,6 +23,7 @@ class LoadFriction(BalanceEffect):
     rarity = 10.0
     parameters = (Parameter("coefficient", low=0.0, unit="1"), Parameter("level", low=0.0, unit="dx/dt"))
     equation = "- (c2 + c abs(F)) sign(v), F what enters at the port"
+    acts_at_null = True
     signature = "a square wave with the sign of v whose height follows what the drive gives"
     twins = ("coulomb_friction", "stribeck_friction", "input_gain")
     nests = ("coulomb_friction",)

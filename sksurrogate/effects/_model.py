@@ -199,6 +199,7 @@ class BoundModel:
         self.theta = theta
         self.record = augmented.record
         self.h = self.record.dt / augmented.n_sub
+        self.followed = self.h  #: Step in which fast memories are followed
         self._parameters = [augmented.parameters_of(i, theta) for i in range(len(augmented.effects))]
         wires = augmented.wires
         laws = [i for i, effect in enumerate(augmented.effects) if isinstance(effect, BalanceEffect)]
@@ -214,12 +215,13 @@ class BoundModel:
         for i in [i for i, effect in enumerate(effects) if isinstance(effect, Starting)]:
             self._widths[i] = self._widths[i], self.h  # kinks: a width of the variable, edges: of time
         self._has_limits = any(isinstance(effect, LimitEffect) for effect in effects)
-        self._drift = any(isinstance(e, ParameterEffect) and not constant_in_time(e) for e in effects)
+        #: Whether parameters change within a run
+        self.moves_params = any(isinstance(e, ParameterEffect) and not constant_in_time(e) for e in effects)
         params = augmented.plant.params
         free = zip(augmented.free, theta[augmented.free_slice])
         self._retuned = {name: retuned(params[name], row[:, None]) for name, row in free}
         self._constant_params = None
-        self._constant_params = None if self._drift else self.params_at(0.0)
+        self._constant_params = None if self.moves_params else self.params_at(0.0)
         self._mean, self._half, self.shown = self._inputs()
         changed = any(isinstance(effect, InputEffect) for effect in effects)
         #: Whether effects change inputs within a sample that the simulator takes in steps of its own
@@ -291,7 +293,7 @@ class BoundModel:
 
         None where it offers none, or an effect acts within its steps that is no law at a port.
         """
-        within = self._balances or self._has_limits or self._drift or self.a.shown_memories
+        within = self._balances or self._has_limits or self.moves_params or self.a.shown_memories
         return None if within or not self.a.may_jump else own_run(self, x0, self._mean, bool(self._at_ports))
 
     def entering(self, t: np.ndarray, x: np.ndarray, u: np.ndarray) -> np.ndarray:
@@ -332,7 +334,7 @@ class BoundModel:
             effect, v = a.effects[i], self.a.variable(i, x, u)
             is_state, driver = a.wires[i].drivers[0]
             dv = dx[driver] if is_state else np.zeros_like(v)
-            given = (x[rows], t, v, dv, self._parameters[i], self._widths[i], self.h)
+            given = (x[rows], t, v, dv, self._parameters[i], self._widths[i], self.followed)
             rates = effect.rates_within(*given)  # type: ignore[attr-defined]
             for row, rate in zip(range(rows.start, rows.stop), rates):
                 dx[row] = rate

@@ -200,7 +200,7 @@ class AugmentedSimulator(BaseSimulator):
         x0 : array-like (n_states,), optional
             States of the simulator at the first row.
         t : array-like (n_samples,), optional
-            Evenly spaced times.
+            Evenly spaced times: the simulator's own. Effects count theirs from the first row.
 
         Raises
         ------
@@ -396,10 +396,10 @@ class AugmentedSimulator(BaseSimulator):
         start = np.broadcast_to(
             plant.x0 if X0 is None else np.asarray(X0, dtype=float), (len(inputs), len(plant.states))
         )
-        times, dt = even_times(t, inputs.shape[1], plant.dt)
+        times, dt, begins = even_times(t, inputs.shape[1], plant.dt)
         empty = np.zeros((len(times), len(plant.outputs)))
         record = Record.from_runs(list(inputs), [empty] * len(inputs), [times] * len(inputs), dt)
-        model = PlantModel(plant)
+        model = PlantModel(plant, begins)
         model.probe(inputs[0, 0])
 
         def augmented(n_sub: int, scale: np.ndarray, bare: bool = False) -> BoundModel:
@@ -415,5 +415,5 @@ class AugmentedSimulator(BaseSimulator):
         with np.errstate(all="ignore"):
             X, bound, fixed = augmented_states(augmented, start.T, scale, method)
         own = tuple(f"{e.name} ({k})" for e in effects for k in range(getattr(e, "n_hidden", 0)))
-        raise_if_diverged(X.reshape(len(X), len(inputs), -1).transpose(1, 2, 0), times, plant.states + own)
+        raise_if_diverged(X.reshape(len(X), len(inputs), -1).transpose(1, 2, 0), times + begins, plant.states + own)
         return X, bound, fixed

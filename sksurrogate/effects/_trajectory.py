@@ -39,10 +39,13 @@ def retuned_simulator(simulator: Any, retuned: Mapping[str, float] | None) -> An
         return other
 
 
-def even_times(t: Any, n_samples: int, dt: float) -> tuple[np.ndarray, float]:
-    """Times and their even step, as far as numbers of their size hold it: seconds since 1970 are rounded to 2e-7."""
+def even_times(t: Any, n_samples: int, dt: float) -> tuple[np.ndarray, float, float]:
+    """Times from the first row on, their even step, and the time of the first row.
+
+    Even as far as numbers of their size hold it: seconds since 1970 are rounded to 2e-7.
+    """
     if t is None:
-        return dt * np.arange(n_samples), dt
+        return dt * np.arange(n_samples), dt, 0.0
     times = np.asarray(t, dtype=float)
     if times.shape != (n_samples,):
         raise SimulatorError(f"t has shape {times.shape}, expected ({n_samples},): one time for each row of U.")
@@ -51,9 +54,10 @@ def even_times(t: Any, n_samples: int, dt: float) -> tuple[np.ndarray, float]:
     if len(steps) and not np.allclose(steps, steps[0], rtol=1e-6, atol=rounding):
         row = int(np.argmax(np.abs(steps - steps[0]))) + 1
         raise SimulatorError(
-            f"t is not evenly spaced (row {row}): effects with a memory need an even step; resample the run."
+            f"t is not evenly spaced (row {row}), expected one step for all rows of a simulator with effects; resample the run."
         )
-    return times, float(np.mean(steps)) if len(steps) else dt
+    first = float(times[0])
+    return times - first, float(np.mean(steps)) if len(steps) else dt, first
 
 
 def plain_runs(simulator: Any, U: np.ndarray, X0: Any, t: Any) -> np.ndarray:
@@ -89,7 +93,7 @@ def trajectory_runs(
         if isinstance(effect, ParameterEffect):
             name = str(effect.location)
             changed[name] = float(effect.value(changed.get(name, plant.params[name]), 0.0, list(values), 0.0))
-    times, dt = even_times(t, U.shape[1], plant.dt)
+    times, dt, _ = even_times(t, U.shape[1], plant.dt)
     acting = U if plant.inputs == () else acting_inputs(plant, effects, parts, U, dt)
     Y = plain_runs(retuned_simulator(plant.simulator, changed), acting, X0, t)
     outputs = plant.outputs or tuple(f"y{k}" for k in range(Y.shape[2]))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, Protocol
 
 import numpy as np
@@ -15,6 +16,7 @@ class Effects(Protocol):
     a: Any
     held: float
     moves_within: bool
+    moves_params: bool
 
     def rates_of_effects(self, t: np.ndarray, x: np.ndarray, u: np.ndarray, dx: np.ndarray) -> np.ndarray:
         """``dx`` with the terms of the effects added and the rates of hidden states filled in."""
@@ -69,15 +71,15 @@ def whole_step(
     """
     a = bound.a
     u = np.mean(mean, axis=0)
-    varied = bound.params_at(t, x, u)
     if bound.moves_within or (has_ports and has_own_steps(a.plant)):
         parts = own_steps(bound)
         inputs = by_own_steps(mean, parts) if bound.moves_within else [u] * parts
         h = a.record.dt / parts
         for part, one in enumerate(inputs):
-            x = _own_step(bound, t + part * h, x, one, h, varied, has_rates)
+            x = _own_step(bound, t + part * h, x, one, h, _amid(bound, t + part * h, x, one, h), has_rates)
         return x
     dt = a.record.dt
+    varied = _amid(bound, t, x, u, dt)
     drift = _drift(bound, t, x, u, dt, varied) if has_rates else None
     if drift is not None:
         x = _kick(bound, t, x, mean[0], dt / 2, drift)
@@ -138,6 +140,17 @@ class _Laws:
                 self.hidden[:, rows[new]] = self.z[:, new]
             self.last = t, whole, u
         return self.bound.entering(t, whole, u)[:, 0]
+
+
+def _amid(bound: Effects, t: np.ndarray, x: np.ndarray, u: np.ndarray, h: float) -> Mapping[str, np.ndarray]:
+    """Parameters of the simulator amid a step, where its states are half way: with them over the whole step it is of second order."""
+    a, n = bound.a, bound.a.n_nominal
+    varied = bound.params_at(t, x, u)
+    if not bound.moves_params:
+        return varied
+    amid = x.copy()
+    amid[:n] = 0.5 * (x[:n] + a.model.step(t, x[:n], bound.entering(t, x, u), h, varied))
+    return bound.params_at(t + h / 2, amid, u)
 
 
 def _drift(bound: Effects, t: np.ndarray, x: np.ndarray, u: np.ndarray, h: float, varied: Any) -> np.ndarray:

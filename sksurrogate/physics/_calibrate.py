@@ -254,12 +254,23 @@ class CalibratedSimulator(RegressorMixin, BaseEstimator):
         if x0 is None and y0 is not None and plant.output_states is not None:
             first = np.asarray(y0, dtype=float).reshape(-1, 1) if np.ndim(y0) == 1 else np.asarray(y0, dtype=float)
             n = len(plant.output_states)
-            if first.ndim not in (2, 3) or first.shape[-1] != n or (first.ndim == 3 and len(first) != len(runs)):
+            if (
+                first.ndim not in (2, 3)
+                or first.shape[-1] != n
+                or 0 in first.shape
+                or (first.ndim == 3 and len(first) != len(runs))
+            ):
                 raise DataError(
                     f"y0 has shape {np.shape(y0)}, expected (n_lags, {n}) or ({len(runs)}, n_lags, {n}): the outputs at the "
                     "first rows of every run."
                 )
-            starts[:, list(plant.output_states)] = first[0] if first.ndim == 2 else first[:, 0]
+            first = first[0] if first.ndim == 2 else first[:, 0]
+            if not np.isfinite(first).all():
+                raise DataError(
+                    f"y0 is not finite in output {np.argwhere(~np.isfinite(first))[0][-1]} of its first row: a run starts there; "
+                    "begin with a row that was measured, or give x0."
+                )
+            starts[:, list(plant.output_states)] = first
         stacked = runs.stack([self._simulated(run, start, plant) for run, start in zip(runs, starts)])
         return stacked[:, 0] if self.y_is_1d_ else stacked
 

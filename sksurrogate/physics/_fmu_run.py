@@ -9,13 +9,16 @@ import numpy as np
 from sksurrogate.exceptions import SimulationDiverged, SimulatorError, require
 from sksurrogate.physics._fmu_unit import OpenUnit, equal_steps
 
+#: How the types of variables begin that are no whole numbers, in FMI 2 and 3; text is left to FMPy.
+CONTINUOUS = ("Real", "Float", "String", "Binary")
+
 
 def run_whole(
     unit: OpenUnit, path: Any, rows: np.ndarray, times: np.ndarray, dt: float, values: dict[str, float], inputs: list[str],
     outputs: list[str],
 ) -> np.ndarray:  # fmt: skip
     """Outputs (n_samples, n_outputs) of one run by FMPy; inputs are held by stating each both at its first and just before the
-    next sample.
+    next sample. Values of integers, booleans and enumerations are rounded to the nearest whole number.
 
     ``path``: as the user gave it.
     ``rows`` (n_samples, n_inputs), ``times`` (n_samples,).
@@ -24,6 +27,11 @@ def run_whole(
     Raises SimulationDiverged where the unit stopped.
     Raises SimulatorError where it takes no steps of several widths.
     """
+    counted = {
+        variable.name for variable in unit.description.modelVariables if not variable.type.startswith(CONTINUOUS)
+    }
+    rows = np.where([name in counted for name in inputs], np.rint(rows), rows)
+    values = {name: np.rint(value) if name in counted else value for name, value in values.items()}
     single = len(rows) == 1
     if single:
         rows, times = np.repeat(rows, 2, axis=0), np.array([times[0], times[0] + dt])

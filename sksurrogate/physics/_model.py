@@ -27,10 +27,12 @@ class PlantModel:
     behind the inputs: the force that enters there.
 
     ``plant``: with access "rhs" or "step".
+    ``begins``: what its clock shows at t = 0, the first row of a run.
     """
 
-    def __init__(self, plant: Plant):
+    def __init__(self, plant: Plant, begins: float = 0.0):
         self.plant = plant
+        self.begins = begins
         ported = wired(plant)
         #: All that the user's functions raised at points that they refused.
         self.raised: dict[str, None] = {}
@@ -107,7 +109,7 @@ class PlantModel:
         shape = x.shape[1:]
         n_points = math.prod(shape)
         inputs = self._inputs(u, (len(u), *shape)).reshape(len(u), n_points)
-        states, times = x.reshape(len(x), n_points), self._times(t, shape)
+        states, times = x.reshape(len(x), n_points), self._times(t + self.begins if self.begins else t, shape)
         # Views of their own: arrays that they show stay writable.
         states.setflags(write=False)
         p = self._params(varied, shape) if varied else self.plant.params

@@ -4,11 +4,12 @@ import pickle
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 from sklearn.base import clone
 
 from sksurrogate.effects import CATALOGUE, AugmentedSimulator
 from sksurrogate.exceptions import SimulationDiverged, SimulatorError
-from sksurrogate.physics import BaseSimulator, CallableSimulator, ODESimulator
+from sksurrogate.physics import BaseSimulator, CallableSimulator, ODESimulator, StepSimulator
 from sksurrogate.physics._simulator import describe
 
 
@@ -100,7 +101,8 @@ def test_null_values_give_the_simulator(hold, make_tanks):
         if cls.name != "sensor_rectification":
             effect = next(iter(cls.instances(describe(plant), plant.states)))
             effects.append(effect)
-            shapes = tuple(0.3 for _ in cls.parameters[1:]) if cls.linear else tuple(p.null for p in cls.parameters[1:])
+            shaped = cls.linear and not cls.acts_at_null
+            shapes = tuple(0.3 for _ in cls.parameters[1:]) if shaped else tuple(p.null for p in cls.parameters[1:])
             values.append((cls.parameters[0].null, *shapes))
     still = AugmentedSimulator(plant, effects, values)
     np.testing.assert_array_equal(still.simulate(U, [0.3, 0.4]), plant.simulate(U, [0.3, 0.4]))
@@ -180,15 +182,76 @@ def test_a_stiff_plant_is_left_to_scipy():
     assert np.max(a) == pytest.approx(0.4)
 
 
-def test_times_may_start_anywhere_but_must_be_even(oscillator):
-    push = AugmentedSimulator(oscillator, [CATALOGUE["step_disturbance"]("v")], [{"size": 1.0, "time": 5.0}])
+def test_effects_count_time_from_the_first_row_and_the_simulator_by_its_stamps(oscillator):
+    push = AugmentedSimulator(oscillator, [CATALOGUE["step_disturbance"]("v")], [{"size": 1.0, "time": 1.0}])
     U = np.zeros((100, 1))
     late = push.simulate(U, t=4.0 + 0.02 * np.arange(100))
     assert np.all(late[:50] == 0) and np.all(late[55:] > 0)
+    np.testing.assert_allclose(push.simulate(U, t=1.7e9 + 0.02 * np.arange(100)), late, atol=1e-5)
+    clock = ODESimulator(lambda t, x, u, p: (np.cos(t),), states=["x"], inputs=["u"], outputs=["x"], params={}, dt=0.02)
+    loss = AugmentedSimulator(clock, [CATALOGUE["constant_bias"]("x")], [(0.5,)])
+    t = 4.0 + 0.02 * np.arange(100)
+    np.testing.assert_allclose(loss.simulate(U, t=t)[:, 0], np.sin(t) - np.sin(4.0) + 0.5 * (t - 4.0), atol=1e-8)
     with pytest.raises(SimulatorError, match=r"not evenly spaced \(row 3\)"):
         push.simulate(U[:4], t=[0.0, 0.02, 0.04, 0.07])
     with pytest.raises(SimulatorError, match="one time for each row"):
         push.simulate(U[:4], t=[0.0, 0.02])
+
+
+@pytest.mark.parametrize(
+    ("name", "variable", "values"),
+    [("parameter_dependence", "q", (0.3, 0.1)), ("parameter_drift", None, (0.05,)), ("linear_loss", "q", (1.0,))],
+)
+def test_effects_in_a_simulator_that_steps_are_of_second_order_in_its_step(name, variable, values):
+    def rhs(t, x, u, p):
+        return x[1], u[0] - p["k"] * x[0] - 0.6 * x[1]
+
+    def step(t, x, u, p, dt):  # to rounding
+        A = np.array([[0.0, 1.0, 0.0], [-float(np.ravel(p["k"])[0]), -0.6, 1.0], [0.0, 0.0, 0.0]])
+        return expm(dt * A)[:2] @ np.array([float(x[0]), float(x[1]), float(u[0])])
+
+    given = {"states": ["q", "v"], "inputs": ["u"], "outputs": ["q"], "params": {"k": 4.0}}
+    effect = CATALOGUE[name]("v" if name == "linear_loss" else "k", variable)
+    steps, error = np.repeat(np.random.default_rng(0).normal(size=10), 1), {}
+    for dt in (0.1, 0.05):
+        U = np.repeat(steps, round(0.8 / dt))[:, None]
+        runs = [
+            AugmentedSimulator(s, [effect], [values]).simulate(U, x0=[0.3, -0.2])
+            for s in (StepSimulator(step, dt=dt, **given), ODESimulator(rhs, dt=dt, **given))
+        ]
+        error[dt] = np.abs(runs[0] - runs[1]).max()
+    assert 3.5 < error[0.1] / error[0.05] < 4.5
+
+
+def test_a_friction_acts_by_its_second_number_alone(oscillator):
+    U = np.sin(0.3 * np.arange(200))[:, None]
+    for name, values in (("asymmetric_friction", (0.0, 0.2)), ("load_friction", (0.0, 0.3))):
+        nothing, next_to = (
+            AugmentedSimulator(oscillator, [CATALOGUE[name]("v", "v")], [(size, values[1])]).simulate(U)
+            for size in (0.0, 1e-9)
+        )
+        np.testing.assert_allclose(nothing, next_to, atol=1e-6)
+        assert np.abs(nothing - oscillator.simulate(U)).max() > 1e-3
+
+
+@pytest.mark.parametrize("method", ["LSODA", "auto"])
+def test_a_companion_much_faster_than_a_sample_is_as_fast_under_every_integrator(method):
+    tau, c = 0.003, 3.0
+
+    def alone(t, x, u, p):
+        return x[1], u[0] - 4.0 * x[0] - 0.6 * x[1]
+
+    def whole(t, x, u, p):
+        return x[1], u[0] - 4.0 * x[0] - 0.6 * x[1] - c * (x[1] - x[2]), (x[1] - x[2]) / tau
+
+    given = {"inputs": ["u"], "outputs": ["q"], "params": {}, "dt": 0.1}
+    plant = ODESimulator(alone, states=["q", "v"], method=method, **given)
+    truth = ODESimulator(whole, states=["q", "v", "z"], method="LSODA", **given)
+    U = np.repeat(np.random.default_rng(0).normal(size=20), 5)[:, None]
+    slow = AugmentedSimulator(plant, [CATALOGUE["hidden_relaxation"]("v", "v")], [(c, tau)])
+    bare = plant.simulate(U)
+    effect = np.abs(truth.simulate(U, x0=[0.0, 0.0, 0.0]) - bare).max()
+    assert np.abs(slow.simulate(U) - bare).max() == pytest.approx(effect, rel=0.02)
 
 
 def test_stamps_since_1970_are_even_though_they_are_rounded(make_tanks):

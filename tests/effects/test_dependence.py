@@ -51,17 +51,16 @@ def test_on_its_own_state_it_is_a_logistic_decay():
     )
 
 
-def test_a_simulator_that_steps_has_it_for_each_step():
+def test_a_simulator_that_steps_has_it_amid_each_step():
     def step(t, x, u, p, dt):
-        return (x[0] * (1 - p["k"] * dt),)
+        return (x[0] * np.exp(-p["k"] * dt),)
 
     plant = AugmentedSimulator(
         StepSimulator(step, **ONE), [Dependence("k", "x")], [{"slope": 0.2, "relative_error": 0.1}]
     )
-    x = [2.0]
-    for _ in range(19):
-        x.append(x[-1] * (1 - 0.07 * (1.1 + 0.2 * x[-1])))
-    np.testing.assert_allclose(plant.simulate(np.zeros((20, 1)))[:, 0], x, rtol=1e-12)
+    t, a, c = 0.1 * np.arange(20), 0.7 * 1.1, 0.7 * 0.2  # dx/dt = - a x - c x^2
+    expected = a / ((a / 2.0 + c) * np.exp(a * t) - c)
+    np.testing.assert_allclose(plant.simulate(np.zeros((20, 1)))[:, 0], expected, rtol=2e-4)
 
 
 def test_the_right_hand_side_of_the_simulator_with_it_has_it():
