@@ -13,6 +13,7 @@ from sksurrogate._close_names import did_you_mean
 from sksurrogate.effects import _balance as balance
 from sksurrogate.effects import _disturbance as disturbance
 from sksurrogate.effects import _exchange as exchange
+from sksurrogate.effects import _followers as followers
 from sksurrogate.effects import _hidden as hidden
 from sksurrogate.effects import _input as actuator
 from sksurrogate.effects import _limit as limit
@@ -65,10 +66,10 @@ _ORDER: tuple[type[BaseEffect], ...] = (
     actuator.InputDeadZone,
     actuator.InputBacklash,
     actuator.InputSaturation,
-    actuator.RateLimit,
+    followers.RateLimit,
     actuator.InputQuantization,
     actuator.InputDelay,
-    actuator.InputLag,
+    followers.InputLag,
     sensor.SensorLag,
     sensor.SensorDelay,
     sensor.SensorCoupling,
@@ -221,6 +222,7 @@ def _instances(item: Any, plant: Plant, places: Places) -> Iterable[BaseEffect]:
 OWN_NUMBERS = {
     "before": actuator.RememberingActuator, "corner": actuator.LimitedActuator, "earliest": sensor.SensorDelay,
     "curvature": parameter.ParameterDependence, "levelling": Levelling, "lower": actuator.InputQuantization,
+    "falling": followers.Follower,
 }  # fmt: skip
 
 

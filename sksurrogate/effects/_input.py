@@ -1,4 +1,4 @@
-"""Effects on an input: what the actuator does before the simulator sees it. They act in the order of this file."""
+"""Effects on an input: what the actuator does before the simulator sees it. They act in the order of their :attr:`order`."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from sksurrogate.effects._families import InputEffect
 from sksurrogate.effects._lattice import COARSE, likely_steps
 from sksurrogate.effects._parts import Parameter, Probe
 from sksurrogate.effects._smooth import clip
-from sksurrogate.kernels.signals import Signal, delay, lag, play, pointwise, rate_limit
+from sksurrogate.kernels.signals import Signal, delay, play, pointwise
 from sksurrogate.physics._simulator import Plant
 
 #: Steps to the largest value: half a step is rounded to 0, steps finer than the last round nothing that can be seen.
@@ -22,8 +22,6 @@ COARSEST, FINEST = 0.55, 40.0
 LARGEST_STEP_RANGE = 4.0
 #: Depths of limits below the top of a range, over the range, that cut off little.
 SHALLOW = (0.002, 0.008)
-#: Largest move over the tenth largest in a hundred, from which jumps are rare among other moves.
-RARE = 3.0
 #: Share of a step by which a quantizer that rounds down is below one that rounds to the nearest.
 ROUNDING_DOWN = 0.5
 
@@ -288,33 +286,6 @@ class InputSaturation(LimitedActuator):
         return [start for start in dict.fromkeys(limits) if start[0] > 0]
 
 
-class RateLimit(RememberingActuator):
-    """The actuator follows at a limited speed: ``abs(dw/dt) <= c`` towards u, ``w(0) = u(0)``."""
-
-    name = "rate_limit"
-    order = 7
-    parameters = (Parameter("limit", null=np.inf, low=0.0, unit="u over time"),)
-    equation = "abs(dw/dt) <= c towards u, w(0) = u(0)"
-    signature = "errors after large moves only, none after small ones"
-    twins = ("input_lag", "input_delay", "input_saturation")
-
-    def transform(self, u: Signal, v: Signal | None, theta: Theta, h: float, starts: np.ndarray) -> Signal:
-        """Ramps towards u."""
-        return rate_limit(u, np.maximum(theta[0], 0.0), h, starts, self.before)
-
-    def starts(self, probe: Probe) -> list[tuple[float, ...]]:
-        """A large move takes from less than one to 25 samples; the largest too, where jumps are rare among small moves."""
-        moves = np.delete(np.abs(np.diff(probe.x)), probe.starts[1:] - 1)
-        if self.before is not None:
-            moves = np.r_[np.abs(probe.x[probe.starts] - self.before), moves]
-        moves = moves[moves > 0]
-        if not len(moves):
-            return []
-        large, largest = float(np.quantile(moves, 0.9)), float(np.max(moves))
-        sizes = [large] if largest < RARE * large else [largest, large]
-        return [(size / (k * probe.dt),) for size in sizes for k in (0.6, 1.5, 4.0, 10.0, 25.0)]
-
-
 class InputQuantization(InputEffect):
     """The actuator moves in steps: ``c round(u / c)``.
 
@@ -361,22 +332,3 @@ class InputDelay(RememberingActuator):
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
         """0.3 to 30 samples, at first amid each."""
         return delays(probe)
-
-
-class InputLag(RememberingActuator):
-    """The actuator is slow: ``c dw/dt + w = u, w(0) = u(0)``."""
-
-    name = "input_lag"
-    order = 10
-    parameters = (Parameter("time_constant", low=0.0, unit="time"),)
-    equation = "c dw/dt + w = u, w(0) = u(0)"
-    signature = "errors after edges that die out; fast inputs arrive weaker"
-    twins = ("sensor_lag", "input_delay", "sensor_delay", "rate_limit", "parameter_error")
-
-    def transform(self, u: Signal, v: Signal | None, theta: Theta, h: float, starts: np.ndarray) -> Signal:
-        """First-order lag."""
-        return lag(u, theta[0], h, starts, self.before)
-
-    def starts(self, probe: Probe) -> list[tuple[float, ...]]:
-        """0.3 to 30 samples."""
-        return times(probe)

@@ -14,7 +14,8 @@ import numpy as np
 
 from sksurrogate.effects._base_effect import BaseEffect
 from sksurrogate.effects._families import InputEffect, SensorEffect
-from sksurrogate.effects._input import InputBacklash, InputDelay, InputLag, RateLimit, RememberingActuator
+from sksurrogate.effects._followers import Follower, InputLag, RateLimit
+from sksurrogate.effects._input import InputBacklash, InputDelay, RememberingActuator
 from sksurrogate.effects._onset import Starting, window_share
 from sksurrogate.effects._sensor import SensorDelay, SensorLag, lag_moments
 from sksurrogate.exceptions import SimulatorError
@@ -70,6 +71,7 @@ class InputInSample:
         self.effect, self.theta, self.h, self.n_sub = effect, tuple(theta), h, n_sub
         self.always = unwindowed(effect)
         self.own = own_values(effect, theta)
+        self.faster = self.always.times_faster if isinstance(self.always, Follower) else 1.0
         kind = type(self.always)
         self.advance_memory = {
             InputLag: self._lag, RateLimit: self._ramp, InputBacklash: self._play, InputDelay: self._delay,
@@ -82,7 +84,7 @@ class InputInSample:
             self.size = self.past * (2 * n_sub if ramps else 1)
         elif self.advance_memory == self._static:
             self.size = 0
-            if kind.__module__ != InputLag.__module__ and _remembers(self.always, self.own, h):
+            if kind.__module__ != InputDelay.__module__ and _remembers(self.always, self.own, h):
                 raise SimulatorError(
                     f"{effect.name}: an actuator of your own with a memory has no state-space form here; use simulate."
                 )
@@ -130,18 +132,22 @@ class InputInSample:
         w, k = memory[0], max(self.own[0] / self.h, 1e-15)
         mean, half = [], []
         for m, r in zip(given.mean, given.rises()):
-            w, a, b = lag_piece(m, r, w, k)
+            piece = lag_piece(m, r, w, k)
+            if self.faster != 1.0:
+                falls = lag_piece(m, r, w, max(k / self.faster, 1e-15))
+                piece = tuple(np.where(m + r > w, up, down) for up, down in zip(piece, falls))
+            w, a, b = piece
             mean.append(a)
             half.append(b)
         return [w], Pieces(tuple(mean), tuple(half), memory[0])
 
     def _ramp(self, memory: Sequence[Any], given: Pieces, other: Any) -> tuple[list[Any], Pieces]:
         """``abs(dw/dt) <= c`` towards a held input."""
-        w, reach = memory[0], max(self.own[0], 0.0) * self.h
-        found = []
+        w, up = memory[0], max(self.own[0], 0.0) * self.h
+        down, found = up * self.faster, []
         for target in given.mean:
-            found.append(ramp_piece(w, target, reach))
-            w = w + np.minimum(np.maximum(target - w, -reach), reach)
+            found.append(ramp_piece(w, target, up if self.faster == 1.0 else np.where(target > w, up, down)))
+            w = w + np.minimum(np.maximum(target - w, -down), up)
         return [w], Pieces(tuple(f[0] for f in found), tuple(f[1] for f in found), memory[0])
 
     def _play(self, memory: Sequence[Any], given: Pieces, other: Any) -> tuple[list[Any], Pieces]:

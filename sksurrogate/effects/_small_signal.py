@@ -11,7 +11,8 @@ from scipy.signal import tf2ss
 
 from sksurrogate.effects._base_effect import BaseEffect
 from sksurrogate.effects._families import HiddenEffect, InputEffect, LimitEffect, SensorEffect
-from sksurrogate.effects._input import InputBacklash, InputDelay, InputLag, InputQuantization, RateLimit
+from sksurrogate.effects._followers import InputLag, RateLimit
+from sksurrogate.effects._input import InputBacklash, InputDelay, InputQuantization
 from sksurrogate.effects._one_sample import InputInSample, Pieces, own_values, unwindowed
 from sksurrogate.effects._onset import Starting, window
 from sksurrogate.effects._points import bound_at_points, stacked

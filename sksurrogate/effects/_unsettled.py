@@ -9,8 +9,8 @@ import numpy as np
 
 from sksurrogate.effects._base_effect import BaseEffect
 from sksurrogate.effects._families import HiddenEffect
+from sksurrogate.effects._followers import InputLag, RateLimit
 from sksurrogate.effects._hidden import FORGETS, HiddenMode, HiddenRelaxation, Hysteresis
-from sksurrogate.effects._input import InputLag, RateLimit
 from sksurrogate.effects._parts import Probe
 from sksurrogate.effects._sensor import SensorLag
 from sksurrogate.effects._smooth import TINY, WITHIN_SAMPLE, follow

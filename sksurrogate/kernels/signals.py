@@ -134,10 +134,13 @@ def delay(signal: Signal, time: np.ndarray, h: float, starts: np.ndarray, before
     return _over_columns(one, signal, time)
 
 
-def lag(signal: Signal, time_constant: np.ndarray, h: float, starts: np.ndarray, before: Before = None) -> Signal:
+def lag(
+    signal: Signal, time_constant: np.ndarray, h: float, starts: np.ndarray, before: Before = None, falling: float = 1.0
+) -> Signal:
     """``c dw/dt + w = u``, ``w(0) = before``, solved exactly and kept to two moments a substep.
 
     Parameters as :func:`delay`, with the time constant of every column.
+    ``falling``: how many times as fast it falls as it rises.
     """
     n_sub = len(signal.mean)
     firsts = starts * n_sub
@@ -145,6 +148,8 @@ def lag(signal: Signal, time_constant: np.ndarray, h: float, starts: np.ndarray,
     def one(mean: np.ndarray, half: np.ndarray, size: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         k = max(size / h, 1e-15)  # time constant in substeps
         decay, first = float(np.exp(-1.0 / k)), _before_run((mean - half)[firsts], before)
+        if falling != 1.0:
+            return _lag_either_way(mean, half, first, firsts, k, max(k / falling, 1e-15))
         b, _, _ = lag_piece(mean, half, 0.0, k)
         b[firsts] += decay * first
         ends = first_order_scan(decay, b, firsts)
@@ -153,6 +158,25 @@ def lag(signal: Signal, time_constant: np.ndarray, h: float, starts: np.ndarray,
         return *lag_piece(mean, half, w0, k)[1:], w0
 
     return _over_columns(one, signal, time_constant)
+
+
+def _lag_either_way(
+    mean: np.ndarray, half: np.ndarray, first: np.ndarray, firsts: np.ndarray, rising: float, falling: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Mean, half rise and first value in every substep of a lag with two time constants, in substeps: where it rises and where it falls.
+
+    Exact where the input is held in every substep: there w turns at edges only.
+    """
+    (a_up, b_up), (a_down, b_down) = (
+        (float(np.exp(-1.0 / k)), lag_piece(mean, half, 0.0, k)[0].tolist()) for k in (rising, falling)
+    )
+    w0, aims = np.empty(len(mean)), (mean + half).tolist()
+    for a, b, w in zip(firsts, [*firsts[1:], len(mean)], first.tolist()):
+        for row in range(a, b):
+            w0[row] = w
+            w = a_up * w + b_up[row] if aims[row] > w else a_down * w + b_down[row]
+    rises, up, down = mean + half > w0, *(lag_piece(mean, half, w0, k)[1:] for k in (rising, falling))
+    return np.where(rises, up[0], down[0]), np.where(rises, up[1], down[1]), w0
 
 
 def lag_piece(mean: Any, half: Any, w0: Any, k: float) -> tuple[Any, Any, Any]:
@@ -204,16 +228,23 @@ def play(signal: Signal, half_width: np.ndarray, starts: np.ndarray, before: Bef
     return Signal((pairs[:, 0] + pairs[:, 1]) / 2, (pairs[:, 1] - pairs[:, 0]) / 2)
 
 
-def rate_limit(signal: Signal, limit: np.ndarray, h: float, starts: np.ndarray, before: Before = None) -> Signal:
-    """``abs(dw/dt) <= c`` towards the input, starts at its first value or at ``before``; the ramp ends exactly where it meets a held input."""
+def rate_limit(
+    signal: Signal, limit: np.ndarray, h: float, starts: np.ndarray, before: Before = None, falling: float = 1.0
+) -> Signal:
+    """``abs(dw/dt) <= c`` towards the input, starts at its first value or at ``before``; the ramp ends exactly where it meets a held input.
+
+    ``falling``: how many times as fast it falls as it rises.
+    """
     n_sub = len(signal.mean)
     target = _by_time(signal.end())
     reach = np.reshape(limit, (-1, 1)) * h
     target, reach = np.broadcast_arrays(target, np.broadcast_to(reach, (max(len(target), len(reach)), 1)))
     n = target.shape[1]
     first = _before_run(_by_time(signal.start())[:, starts * n_sub], before)
-    r = reach[:, :1]
-    ahead = _followed(target, np.broadcast_to(first, (len(target), first.shape[1])), r, np.r_[starts * n_sub, n])
+    up = reach[:, :1]
+    down = falling * up
+    ahead = _followed(target, np.broadcast_to(first, (len(target), first.shape[1])), down, up, np.r_[starts * n_sub, n])
+    r = np.where(target > ahead, up, down)
     mean, half = ramp_piece(ahead, target, r)
     if signal.half is not None:  # where it follows from end to end, it is the input
         u, rise = np.broadcast_to(_by_time(signal.mean), mean.shape), np.broadcast_to(_by_time(signal.half), mean.shape)
@@ -223,30 +254,32 @@ def rate_limit(signal: Signal, limit: np.ndarray, h: float, starts: np.ndarray, 
     return Signal(_by_substep(mean, n_sub), _by_substep(half, n_sub), ahead[:, ::n_sub])
 
 
-def _followed(target: np.ndarray, first: np.ndarray, reach: np.ndarray, bounds: np.ndarray) -> np.ndarray:
-    """``w[k + 1] = w[k] + clip(target[k] - w[k], -reach, reach)`` in every run, (n_columns, n_rows).
+def _followed(
+    target: np.ndarray, first: np.ndarray, down: np.ndarray, up: np.ndarray, bounds: np.ndarray
+) -> np.ndarray:
+    """``w[k + 1] = w[k] + clip(target[k] - w[k], -down, up)`` in every run, (n_columns, n_rows).
 
     Each sample depends on the last: a loop over time, all runs and columns at once, the longest runs first so that those that are
     left stand together.
 
-    ``first`` (n_columns, n_runs), ``reach`` (n_columns, 1).
+    ``first`` (n_columns, n_runs); ``down``, ``up`` (n_columns, 1).
     ``bounds``: first rows of the runs, and the number of rows.
     """
-    if first.size <= FOLLOWED_ONE_BY_ONE and np.isfinite(reach).all():
-        return _followed_one_by_one(target, first, reach, bounds)
+    if first.size <= FOLLOWED_ONE_BY_ONE and np.isfinite(up).all():
+        return _followed_one_by_one(target, first, down, up, bounds)
     lengths = np.diff(bounds)
     longest_first = np.argsort(-lengths, kind="stable")
     age = np.arange(bounds[-1]) - np.repeat(bounds[:-1], lengths)
     rank = np.repeat(np.argsort(longest_first, kind="stable"), lengths)
     order = np.lexsort((rank, age))
     ends = np.cumsum(np.bincount(age)).tolist()
-    targets, w, most = target.T[order], first.T[longest_first], reach.T
+    targets, w, least, most = target.T[order], first.T[longest_first], -down.T, up.T
     out, begin = np.empty_like(targets), 0
     for end in ends:
         w = w[: end - begin]
         out[begin:end] = w
         step = targets[begin:end] - w
-        np.minimum(np.maximum(step, -most, out=step), most, out=step)
+        np.minimum(np.maximum(step, least, out=step), most, out=step)
         w = w + step
         begin = end
     ahead = np.empty(target.shape)
@@ -254,16 +287,18 @@ def _followed(target: np.ndarray, first: np.ndarray, reach: np.ndarray, bounds: 
     return ahead
 
 
-def _followed_one_by_one(target: np.ndarray, first: np.ndarray, reach: np.ndarray, bounds: np.ndarray) -> np.ndarray:
+def _followed_one_by_one(
+    target: np.ndarray, first: np.ndarray, down: np.ndarray, up: np.ndarray, bounds: np.ndarray
+) -> np.ndarray:
     """The same, number by number: sooner done for few columns than a call of NumPy for every sample."""
     ahead = np.empty(target.shape)
-    for row, begins, most, out in zip(target, first.tolist(), reach[:, 0].tolist(), ahead):
+    for row, begins, least, most, out in zip(target, first.tolist(), (-down[:, 0]).tolist(), up[:, 0].tolist(), ahead):
         for a, b, w in zip(bounds[:-1], bounds[1:], begins):
             path = []
             for aim in row[a:b].tolist():
                 path.append(w)
                 step = aim - w
-                step = -most if step < -most else step
+                step = least if step < least else step
                 w += most if step > most else step
             out[a:b] = path
     return ahead

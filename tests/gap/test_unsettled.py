@@ -5,7 +5,7 @@ import pytest
 from scipy.linalg import expm
 
 from sksurrogate.effects import CATALOGUE
-from sksurrogate.effects._input import InputLag
+from sksurrogate.effects._followers import InputLag
 from sksurrogate.effects._model import AugmentedModel
 from sksurrogate.effects._sensor import SensorLag
 from sksurrogate.effects._unsettled import UnsettledInputLag, UnsettledSensorLag

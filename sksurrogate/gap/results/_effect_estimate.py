@@ -10,7 +10,7 @@ import numpy as np
 #: Half width of a 90 % interval in standard deviations.
 BAND = 1.645
 #: Numbers in the shape of an effect, 0 where it has the form of the catalogue.
-SHAPE_NUMBERS = ("corner", "curvature", "levelling", "lower")
+SHAPE_NUMBERS = ("corner", "curvature", "falling", "levelling", "lower")
 #: How a parameter depends on a signal, by the curvature of the dependence.
 CURVES = {-1.0: "as a square root", 1.0: "exponentially", 2.0: "as one over a straight line"}
 
@@ -52,6 +52,9 @@ class EffectEstimate:
     curvature : float
         Of a parameter that depends on a signal: 0, in a straight line; 1, exponentially; 2, as one over a straight line; -1, as a
         square root.
+    falling : float
+        Of an actuator that follows its input: natural logarithm of how many times as fast it falls as it rises, 0 where alike. Its
+        parameter is that of the rise.
     levelling : float
         Of a drift: one over the time constant with which it levels off; 0: it goes on. Its magnitude is the rate at the start.
     lower : float
@@ -85,6 +88,7 @@ class EffectEstimate:
     settled: bool = True
     corner: float = 0.0
     curvature: float = 0.0
+    falling: float = 0.0
     levelling: float = 0.0
     lower: float = 0.0
 
@@ -103,6 +107,7 @@ def circumstances(effect: EffectEstimate) -> str:
     where = "" if runs is None else f", in {'run' if len(runs) == 1 else 'runs'} {', '.join(map(repr, runs))}"
     where += f", soft at its limit ({effect.corner:.2g}; 0: a corner, 1: tanh)" if effect.corner else ""
     where += f", {CURVES[effect.curvature]}" if effect.curvature else ""
+    where += f", falling {np.exp(effect.falling):.3g} times as fast as rising" if effect.falling else ""
     where += f", levelling off with a time constant of {1.0 / effect.levelling:.3g}" if effect.levelling else ""
     where += ", rounding down" if effect.lower else ""
     began = "" if effect.settled else ", not at rest where the runs begin"

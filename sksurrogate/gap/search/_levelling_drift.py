@@ -8,11 +8,10 @@ import numpy as np
 
 from sksurrogate.effects._levelling import Levelling
 from sksurrogate.gap.fit._evidence import C
-from sksurrogate.gap.search._restart import WORTH_A_FIT
-from sksurrogate.gap.search._softer import MOST_BETWEEN, in_form, lowest, worth
+from sksurrogate.gap.search._softer import TIMES_APART, in_form, nearest_by_parabolas, worth
 
-#: Time constant over the longest run of a drift that is straight to the data; the factor between two that are tried.
-STRAIGHT, TIMES_APART = 16.0, 3.0
+#: Time constant over the longest run of a drift that is straight to the data.
+STRAIGHT = 16.0
 
 
 def levelling_where_nearer(candidate: C, price: float) -> C:
@@ -31,19 +30,7 @@ def at_best_time(candidate: C, i: int) -> C:
     assert isinstance(effect, Levelling)
     own = STRAIGHT if effect.levelling == 0.0 else 1.0 / (effect.levelling * longest_run(candidate))
     tried, at = {own: candidate}, partial(with_time, candidate, i=i)
-    share = own / TIMES_APART
-    for _ in range(MOST_BETWEEN):
-        found = at(share)
-        if found is None:
-            break
-        before, tried[share] = min(one.fit.cost for one in tried.values()), found
-        costs = {s: one.fit.cost for s, one in tried.items()}
-        share = lowest(costs)
-        if share in tried:  # at an end: further that way, as long as the drift is none that is straight
-            share *= TIMES_APART if share == max(tried) else 1.0 / TIMES_APART
-            if share > STRAIGHT or min(costs.values()) == found.fit.cost > before - WORTH_A_FIT:
-                break
-    return min(tried.values(), key=lambda one: one.fit.cost)
+    return nearest_by_parabolas(tried, own / TIMES_APART, at, most=STRAIGHT)
 
 
 def with_time(candidate: C, share: float, i: int) -> C | None:

@@ -20,7 +20,6 @@ from sksurrogate.gap.fit._probe import probe_of
 from sksurrogate.gap.screen._screen import screen
 from sksurrogate.gap.screen._shortlist import MOST_LISTED
 from sksurrogate.gap.search._base import Wanted
-from sksurrogate.gap.search._curved_dependence import curved_where_nearer
 from sksurrogate.gap.search._expander import SEARCH_SHARPNESS, SEARCH_SUBSTEPS, Expander
 from sksurrogate.gap.search._fit_from_starts import (
     NEARER,
@@ -34,13 +33,12 @@ from sksurrogate.gap.search._fit_from_starts import (
     open_null,
 )
 from sksurrogate.gap.search._kink_width import rounded
-from sksurrogate.gap.search._levelling_drift import levelling_where_nearer
 from sksurrogate.gap.search._met_twins import MOST_MET, about_as_much, met_twins, twins_of, with_twin
 from sksurrogate.gap.search._onsets import look_for_onsets, twins_with_onset
 from sksurrogate.gap.search._related_forms import simplify
 from sksurrogate.gap.search._restart import line_searched
 from sksurrogate.gap.search._set_search import COMES_BACK
-from sksurrogate.gap.search._soft_limits import with_soft_limits
+from sksurrogate.gap.search._shapes import in_shape
 from sksurrogate.gap.search._stopping import is_stack
 from sksurrogate.gap.search._windowed_grids import look_for_windowed_grids
 
@@ -192,9 +190,7 @@ class OdeSearch(Expander):
         done = candidate.fit.converged
         best = candidate if done else candidate.resumed(candidate.problem, max_steps=FIT_STEPS) or candidate
         if best.fit.cost < self.most_left_cost:
-            price = self.threshold(1)
-            for shaped in (with_soft_limits, curved_where_nearer, levelling_where_nearer, rounded):
-                best = shaped(best, price)
+            best = rounded(in_shape(best, self.threshold(1)), self.threshold(1))
         for n_sub, sharpness in FINER:
             own = best.problem.numerics
             finer = best.problem.at(own.finer(max(n_sub, 2 * own.n_sub), sharpness))

@@ -16,6 +16,8 @@ from sksurrogate.gap.search._restart import WORTH_A_FIT
 
 #: Values between those that are given which are fitted.
 MOST_BETWEEN = 5
+#: The factor between two values that are tried.
+TIMES_APART = 3.0
 
 
 def softer(tried: dict[float, C], further: Sequence[float], at: Callable[[C, float], C | None]) -> C:
@@ -45,6 +47,33 @@ def softer(tried: dict[float, C], further: Sequence[float], at: Callable[[C, flo
         tried[sharpness] = at(nearest, sharpness) or candidate
         if tried[sharpness].fit.cost > nearest.fit.cost - WORTH_A_FIT:
             break
+    return _nearest(tried)
+
+
+def nearest_by_parabolas(
+    tried: dict[float, C],
+    first: float,
+    at: Callable[[float], C | None],
+    apart: float = TIMES_APART,
+    most: float = np.inf,
+) -> C:
+    """The set whose number in its shape, a positive one, comes nearest to the data: beside those that are tried, then by parabolas.
+
+    ``tried``: by this number; ``first``: the number that is asked first; ``apart``: the factor to the next; ``most``: the largest.
+    ``at``: a set fitted with a number; None where it breaks the arithmetic.
+    """
+    number = first
+    for _ in range(MOST_BETWEEN):
+        found = at(number)
+        if found is None:
+            break
+        before, tried[number] = min(one.fit.cost for one in tried.values()), found
+        costs = {s: one.fit.cost for s, one in tried.items()}
+        number = lowest(costs)
+        if number in tried:  # at an end: further that way
+            number *= apart if number == max(tried) else 1.0 / apart
+            if number > most or min(costs.values()) == found.fit.cost > before - WORTH_A_FIT:
+                break
     return _nearest(tried)
 
 

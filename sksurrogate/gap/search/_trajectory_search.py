@@ -21,9 +21,9 @@ from sksurrogate.gap.fit._probe import probe_of
 from sksurrogate.gap.fit._trajectory import TrajectoryBackend, TrajectoryCandidate, TrajectoryFit
 from sksurrogate.gap.screen._screen import LOST_TO_ROUNDING
 from sksurrogate.gap.search._base import Wanted
-from sksurrogate.gap.search._levelling_drift import levelling_where_nearer
 from sksurrogate.gap.search._set_search import SetSearch
-from sksurrogate.gap.search._soft_limits import soft_where_nearer, with_soft_limits
+from sksurrogate.gap.search._shapes import in_shape
+from sksurrogate.gap.search._soft_limits import soft_where_nearer
 
 #: Candidates fitted in a round: so many by white noise, so many by the noise with forces.
 BY_WHITE, BY_FORCED = 10, 6
@@ -115,9 +115,8 @@ class TrajectorySearch(SetSearch[TrajectoryCandidate]):
         return self.problem.fit(effects, theta, known.transpose(1, 0, 2))
 
     def refined(self, candidate: TrajectoryCandidate) -> TrajectoryCandidate:
-        """With its limits as soft as the data show, and drifts that level off when they do."""
-        price = self.threshold(1)
-        return levelling_where_nearer(with_soft_limits(candidate, price), price)
+        """With its effects in the shape that the data show."""
+        return in_shape(candidate, self.threshold(1))
 
     def with_effect(
         self, base: TrajectoryCandidate, law: BaseEffect, values: np.ndarray, path: np.ndarray | None
