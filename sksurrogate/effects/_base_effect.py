@@ -106,6 +106,10 @@ class BaseEffect(PriorOdds, BaseEstimator):
         """Simpler effects that are nearly the same as this one at these values: name -> their parameters but the first."""
         return {}
 
+    def smaller(self, theta: np.ndarray, share: float) -> np.ndarray | None:
+        """Parameters (n_parameters,) with which it changes a ``share`` as much; None where that is not known."""
+        return np.r_[share * theta[:1], theta[1:]] if self.linear and len(theta) else None
+
     def plausible(self, theta: Sequence[float], probe: Probe) -> bool:
         """Whether the effect, at these values, shows its typical form in these data; a step before the first reading does not."""
         return True

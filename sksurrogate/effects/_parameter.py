@@ -108,7 +108,7 @@ class ParameterDependence(ParameterEffect):
     late = True
     linear = False
     parameters = (Parameter("slope", unit="1 over v"), Parameter("relative_error", grows=True))
-    equation = "p (1 + c v + c2); curved: p exp(c v + c2), p / (1 - c v - c2), p sqrt(1 + 2 (c v + c2))"
+    equation = "p (1 + s), s = c v + c2; curved: p exp(s), p / (1 - s), p sqrt(1 + 2 s), p (1 + (1 - k) s)^(1/(1 - k))"
     signature = "a residual as that of a wrong parameter, whose size goes with a signal"
     typical = "the parameter keeps its sign along the data"
     twins = ("parameter_error", "bilinear", "quadratic_loss", "input_curve", "sensor_nonlinearity")
@@ -136,12 +136,17 @@ class ParameterDependence(ParameterEffect):
         >>> ParameterDependence("k", "T").as_curved((0.5, -2.0), 4.0, 2.0)
         (0.5, -2.0)
         """
-        if self.curvature != 0.0 or (factor := 1.0 + theta[0] * at + theta[1]) <= 0.0:
+        factor = float(self.value(1.0, 0.0, theta, 0.0, at))
+        if factor <= 0.0:
             return None
         power = 1.0 - curvature
         s = np.log(factor) if power == 0.0 else (factor**power - 1.0) / power
-        slope = theta[0] * factor ** (power - 1.0)
+        slope = theta[0] * factor ** (self.curvature - curvature)
         return float(slope), float(s - slope * at)
+
+    def smaller(self, theta: np.ndarray, share: float) -> np.ndarray:
+        """Nearer to the nominal value everywhere."""
+        return share * theta
 
     def plausible(self, theta: Sequence[float], probe: Probe) -> bool:
         """The parameter keeps its sign along the data."""

@@ -131,13 +131,14 @@ class DiagnosisState(Generic[C]):
             found.values = WithIntervals(larger, *intervals(larger))
 
     def retuned(self) -> Table:
-        """Free parameters with their intervals."""
+        """Free parameters with their intervals; one that depends on a signal is told there, and is here as it was."""
         values, theta = self.found.values, self.final.fit.theta
         final = self.final if values is None else values.fitted
         low, high = (theta, theta) if values is None else (values.low, values.high)
         own = slice(final.candidate.n_parameters, None)
         least, most = self.problem.bounds(final.effects)
-        ends = final.fit.theta[own], low[own], high[own], (least[own], most[own])
+        moved = np.isin(self.problem.free, list(self.problem.known.held(final.effects)), invert=True)
+        ends = *(moved * end[own] for end in (final.fit.theta, low, high)), (least[own], most[own])
         return retuned_table(self.problem.plant.params, self.problem.free, *ends)
 
     def withdraw(self, why: str) -> HeldOut:

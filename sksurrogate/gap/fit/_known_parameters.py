@@ -12,14 +12,15 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from sksurrogate.effects._base_effect import BaseEffect
-from sksurrogate.effects._parameter import constant_in_time
+from sksurrogate.effects._onset import Starting
+from sksurrogate.effects._parameter import ParameterDependence, constant_in_time
 from sksurrogate.exceptions import DataError
 
 #: Standard deviation of the prior on the relative change of a free parameter; its tails are those of Student's t.
 PRIOR = 0.10
 #: A parameter further than this ratio (log) from nominal is out of the question unless the user says otherwise.
 FARTHEST_RATIO = 4.0
-#: Standard deviation that holds a free parameter still where ``parameter_error`` moves the same number.
+#: Standard deviation that holds a free parameter still where an effect moves the same number.
 HELD = 1e-3
 
 
@@ -101,17 +102,21 @@ class KnownParameters:
         own = [_place_of_error(effect) in self.priors for effect in effects for _ in effect.parameters]
         return np.array([*own, *(name in self.priors and name not in moved for name in free)], bool)
 
+    def held(self, effects: Sequence[BaseEffect]) -> set[str]:
+        """Parameters that depend on a signal, unless the user gives a prior: what they are at its mean is a number of the effect."""
+        dependences = [e for e in effects if isinstance(e, ParameterDependence) and not isinstance(e, Starting)]
+        return {str(effect.location) for effect in dependences} - set(self.priors)
+
     def prior_of(
         self, params: Mapping[str, float], effects: Sequence[BaseEffect], free: Sequence[str], theta: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """Mean and standard deviation (inf: none) of the same numbers."""
         n = len(theta) - len(free)
         mean, sd = np.zeros(len(theta)), np.full(len(theta), np.inf)
-        moved: set[str] = set()
+        moved = {_place_of_error(effect) for effect in effects} | self.held(effects)
         position = 0
         for effect in effects:
             place = _place_of_error(effect)
-            moved.add(place)
             if place in self.priors:
                 nominal, (centre, width) = params[place], self.priors[place]
                 mean[position], sd[position] = _as_error(nominal)(centre), width / (abs(nominal) or 1.0)

@@ -51,7 +51,7 @@ class EffectEstimate:
         Of an actuator with a limit: how it bends there, from 0, a corner, to 1, ``tanh``.
     curvature : float
         Of a parameter that depends on a signal: 0, in a straight line; 1, exponentially; 2, as one over a straight line; -1, as a
-        square root.
+        square root; others k as a straight line to the power 1 / (1 - k).
     falling : float
         Of an actuator that follows its input: natural logarithm of how many times as fast it falls as it rises, 0 where alike. Its
         parameter is that of the rise.
@@ -106,12 +106,21 @@ def circumstances(effect: EffectEstimate) -> str:
     runs = effect.runs
     where = "" if runs is None else f", in {'run' if len(runs) == 1 else 'runs'} {', '.join(map(repr, runs))}"
     where += f", soft at its limit ({effect.corner:.2g}; 0: a corner, 1: tanh)" if effect.corner else ""
-    where += f", {CURVES[effect.curvature]}" if effect.curvature else ""
+    where += f", {curve_of(effect.curvature)}" if effect.curvature else ""
     where += f", falling {np.exp(effect.falling):.3g} times as fast as rising" if effect.falling else ""
     where += f", levelling off with a time constant of {1.0 / effect.levelling:.3g}" if effect.levelling else ""
     where += ", rounding down" if effect.lower else ""
     began = "" if effect.settled else ", not at rest where the runs begin"
     return where + (began if effect.before is None else f", from {effect.before:g} before every run")
+
+
+def curve_of(curvature: float) -> str:
+    """How a parameter depends on a signal.
+
+    >>> curve_of(1.0), curve_of(-0.25)
+    ('exponentially', 'as a straight line to the power 0.8')
+    """
+    return CURVES.get(curvature) or f"as a straight line to the power {1.0 / (1.0 - curvature):.3g}"
 
 
 def values_of(effect: EffectEstimate) -> str:

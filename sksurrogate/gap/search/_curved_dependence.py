@@ -1,7 +1,7 @@
-"""How a parameter depends on a signal: in a straight line, exponentially, as one over a straight line or as a square root.
+"""How a parameter depends on a signal: in a straight line, exponentially, as one over a straight line, as a square root or as another power.
 
 A rate of reaction is exponential in the temperature, a conductance one over a resistance that grows in proportion to it, a speed of sound
-its root. Over a range in which the parameter doubles these are four curves.
+its root, a heat transfer the power 0.8 of a flow. Over a range in which the parameter doubles these are different curves.
 """
 
 from __future__ import annotations
@@ -13,27 +13,42 @@ import numpy as np
 from sksurrogate.effects._parameter import ParameterDependence
 from sksurrogate.gap.fit._closeness import is_at_noise
 from sksurrogate.gap.fit._evidence import C
-from sksurrogate.gap.search._softer import in_form, worth
+from sksurrogate.gap.search._softer import in_form, nearest_by_parabolas, worth
 
 #: Of an exponential and of one over a straight line, more and more curved upwards; of a square root. A straight line has 0.
 UPWARDS, DOWNWARDS = (1.0, 2.0), (-1.0,)
+#: The factor between the exponentials of two curvatures that are tried where none with a name is near enough.
+BETWEEN = float(np.sqrt(np.e))
 
 
 def curved_where_nearer(candidate: C, price: float) -> C:
     """A set whose dependences are as curved as the data show: where that gains more than a ``price`` (twice the log likelihood).
 
-    More and more curved as long as that leads nearer to the data. Not asked at the noise.
+    First the curves that have a name, more and more curved as long as that leads nearer to the data; then those between and beyond
+    them. Not asked at the noise.
     """
+    n_values = candidate.problem.record.n_values
     for i, effect in enumerate(candidate.effects):
-        if not isinstance(effect, ParameterDependence) or effect.curvature:
+        if not isinstance(effect, ParameterDependence) or is_at_noise(candidate.fit.cost, n_values):
             continue
-        if is_at_noise(candidate.fit.cost, candidate.problem.record.n_values):
-            break
-        curved = min(
-            (as_far_as_nearer(candidate, way, i) for way in (UPWARDS, DOWNWARDS)), key=lambda one: one.fit.cost
-        )
-        candidate = worth(price, candidate, curved)
+        if effect.curvature == 0.0:
+            ways = (as_far_as_nearer(candidate, way, i) for way in (UPWARDS, DOWNWARDS))
+            candidate = worth(price, candidate, min(ways, key=lambda one: one.fit.cost))
+        if not is_at_noise(candidate.fit.cost, n_values):
+            candidate = worth(price, candidate, between_curves(candidate, i))
     return candidate
+
+
+def between_curves(candidate: C, i: int) -> C:
+    """A set with the curvature of dependence i that comes nearest to the data."""
+    effect = candidate.effects[i]
+    assert isinstance(effect, ParameterDependence)
+    own = float(np.exp(effect.curvature))
+
+    def at(number: float) -> C | None:
+        return with_curvature(candidate, float(np.log(number)), i)
+
+    return nearest_by_parabolas({own: candidate}, own * BETWEEN, at, BETWEEN)
 
 
 def as_far_as_nearer(candidate: C, curvatures: Sequence[float], i: int) -> C:

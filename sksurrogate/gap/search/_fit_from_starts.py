@@ -47,8 +47,8 @@ def fit_added(base: OdeCandidate, starts: Sequence[Start], best: float) -> OdeCa
     if any(sticks_in(problem, (*base.effects, start.effect), [*values, start.theta]) for start in starts):
         problem = problem.at(replace(problem.numerics, n_sub=max(problem.numerics.n_sub, STICKING_SUBSTEPS)))
     for start in starts:
-        for share in NEARER if start.effect.linear and len(start.theta) else (1.0,):
-            own = np.r_[share * start.theta[:1], start.theta[1:]]
+        smaller = (start.effect.smaller(start.theta, share) for share in NEARER[1:])
+        for own in [start.theta, *(own for own in smaller if own is not None)]:
             theta = base.theta_with(own)
             near = best if found is None else min(best, found.fit.cost)
             try:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -44,6 +44,9 @@ from sksurrogate.gap.search._windowed_grids import look_for_windowed_grids
 
 #: Steps a sample and sharpness of kinks that a candidate is refined with, one after the other.
 FINER = ((SEARCH_SUBSTEPS, SEARCH_SHARPNESS), (8, KINK_SHARPNESS))
+
+#: Effects left for later that are fitted where a law of their signals is likelier than all that was asked.
+MOST_OF_SIGNALS = 3
 
 
 @dataclass(eq=False)
@@ -96,7 +99,7 @@ class OdeSearch(Expander):
         if not self.later_asked or not found.effects:
             return found
         found = self.paired_with_late(found)
-        if len(found.effects) > 1:
+        if len(found.effects) > 1 or (found.left >= SETTLED and found.effects[0].late):
             found = self.one_late(found)
         if found.left < SETTLED:
             return found
@@ -108,7 +111,7 @@ class OdeSearch(Expander):
         return self.standing
 
     def one_late(self, found: Evidence[OdeCandidate]) -> Evidence[OdeCandidate]:
-        """What stands once effects left for later were fitted alone: one in the place of several names.
+        """What stands once effects left for later were fitted alone: one in the place of several names, or of one of its kind.
 
         To first order nothing tells of a parameter that changes by much.
         """
@@ -150,6 +153,18 @@ class OdeSearch(Expander):
             return found
         self.ask_now(leading)
         return super().singles(null)
+
+    def ask_late_of(self, signals: Collection[str]) -> bool:
+        """Effects left for later that signals drive, each alone, join the single effects; whether there were some."""
+        late = {key: effect for key, effect in self.later_asked.items() if effect.late and effect.variable in signals}
+        if not late:
+            return False
+        null = self.fitted_null.candidate
+        self.later_asked = {key: effect for key, effect in self.later_asked.items() if key not in late}
+        alone = self.expand(null, Wanted(MOST_OF_SIGNALS, 0, list(late.values())))
+        self.first_round = self.ranked([*self.first_round, *alone], null)
+        self.leading = self.first_name(null)
+        return bool(alone)
 
     def late_ones(self, base: OdeCandidate, left: float) -> list[Any]:
         """Keys of the effects left for later that the screen expects to close, beside a base, most of what is ``left``, or to reach the noise.
