@@ -23,7 +23,9 @@ def law_of_the_gap(search: OdeSearch) -> LawLeft | None:
     law = judged_law(search, null, null.candidate, along=True)
     if law is None or law.left.variable == "time" or not _is_likelier(search, law.total):
         return None
-    if search.ask_late_of(law.left.signals) and not (_leaves_more(search) and _is_likelier(search, law.total)):
+    if search.ask_late_of(law.left.signals, law.total) and not (
+        _leaves_more(search) and _is_likelier(search, law.total)
+    ):
         return None
     return law.left if law.left.left <= NEARLY_WHITE else None
 

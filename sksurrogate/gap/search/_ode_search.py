@@ -154,17 +154,26 @@ class OdeSearch(Expander):
         self.ask_now(leading)
         return super().singles(null)
 
-    def ask_late_of(self, signals: Collection[str]) -> bool:
-        """Effects left for later that signals drive, each alone, join the single effects; whether there were some."""
-        late = {key: effect for key, effect in self.later_asked.items() if effect.late and effect.variable in signals}
-        if not late:
+    def ask_late_of(self, signals: Collection[str], likelihood: float) -> bool:
+        """Whether an effect left for later that signals drive, alone, is nearer to a law of them than to the best single effect: then it leads.
+
+        What flows through an element has the name of its parameter: then what this depends on is asked. Where one element has another
+        curve, others may have it: all that was left for later is asked from then on.
+
+        ``likelihood``: the logarithm of that of the law, its price paid.
+        """
+        assert self.leading is not None
+        null, (best, _) = self.fitted_null.candidate, self.leading
+        late = [e for e in self.later_asked.values() if e.late and not {e.variable, e.location}.isdisjoint(signals)]
+        alone = self.ranked(self.expand(null, Wanted(MOST_OF_SIGNALS, 0, late)), null) if late else []
+        if not alone or 2.0 * self.score(alone[0]) < likelihood + self.score(best):
+            for one in alone:
+                self.fitted.pop(frozenset(one.keys), None)
             return False
-        null = self.fitted_null.candidate
-        self.later_asked = {key: effect for key, effect in self.later_asked.items() if key not in late}
-        alone = self.expand(null, Wanted(MOST_OF_SIGNALS, 0, list(late.values())))
+        self.ask_now([effect.key for effect in self.later_asked.values() if effect.late])
         self.first_round = self.ranked([*self.first_round, *alone], null)
         self.leading = self.first_name(null)
-        return bool(alone)
+        return True
 
     def late_ones(self, base: OdeCandidate, left: float) -> list[Any]:
         """Keys of the effects left for later that the screen expects to close, beside a base, most of what is ``left``, or to reach the noise.
