@@ -9,7 +9,7 @@ from typing import Any
 from sksurrogate.effects._base_effect import BaseEffect
 from sksurrogate.gap.decide._intervals import not_sized_beside_others
 from sksurrogate.gap.decide._one_factor import parts_of_one_factor
-from sksurrogate.gap.fit._closeness import MOST_LEFT, SETTLED
+from sksurrogate.gap.fit._closeness import FAR, MOST_LEFT, SETTLED
 from sksurrogate.gap.fit._evidence import C, Evidence, estimate_noise
 from sksurrogate.gap.search._nested import QUANTIZERS, driven_alike, of_one_curve, of_one_law
 from sksurrogate.gap.search._related_forms import from_rest
@@ -31,7 +31,7 @@ def needed_only(search: SetSearch[C], final: Evidence[C]) -> Evidence[C]:
 
     A set that leaves more than the noise is not exact: there a small effect may only correct the form of the others. Of two forms
     of one law, and of two curves of one signal at one place, one is enough where it closes the gap up to the tolerance: no form is exact
-    on a real plant. So it is of effects whose magnitudes these data do not show beside each other, and of a rare one that is needed
+    on a real plant, unless both together are at the noise and one alone is far from it. So it is of effects whose magnitudes these data do not show beside each other, and of a rare one that is needed
     least of all and is driven as another: what has a state, a clock or two signals follows what the form of that one leaves.
     Parameters that act alike and follow one signal are one: both are never named.
 
@@ -59,7 +59,7 @@ def _without_needless(search: SetSearch[C], final: Evidence[C], whole: float) ->
     if not_shown is not None and not_shown.fit.cost - final.fit.cost <= search.tolerated_cost:
         return not_shown
     one_form = _nearest_without(search, final, _of_which_one_is_enough(final, among_others))
-    if one_form is not None and one_form.fit.cost <= search.tolerated_cost:
+    if one_form is not None and one_form.fit.cost <= search.tolerated_cost and not _is_exact(search, final, one_form):
         return one_form
     following = _that_may_follow_others(final)
     if not following and final.left <= SETTLED:
@@ -74,6 +74,11 @@ def _without_needless(search: SetSearch[C], final: Evidence[C], whole: float) ->
     if fewer is not None and before is not None and before.fit.cost < COMES_BACK * fewer.fit.cost:
         fewer = before
     return None if fewer is None or is_needed(whole, fewer.fit.cost, search.tolerated_cost) else fewer
+
+
+def _is_exact(search: SetSearch[C], final: Evidence[C], fewer: C) -> bool:
+    """Whether the data show that a set has the forms of the plant: it is at the noise, and one without an effect is far from it."""
+    return final.left <= SETTLED and fewer.fit.cost > FAR**2 * search.n_values
 
 
 def _of_which_one_is_enough(final: Evidence[C], not_sized: Iterable[int]) -> list[int]:

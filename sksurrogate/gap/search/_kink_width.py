@@ -13,8 +13,14 @@ WIDER = (25.0, 12.5, 6.25, 3.125)
 
 
 def rounded(candidate: OdeCandidate, price: float) -> OdeCandidate:
-    """A set with the width of its kinks fitted, where that gains more than a ``price`` (twice the log likelihood); else as it is."""
+    """A set with the width of its kinks fitted, where that gains more than a ``price`` (twice the log likelihood); else as it is.
+
+    A width that was fitted to fewer effects may have stood for one that was missing: beside it kinks are sharp again, where that is nearer.
+    """
     own = candidate.problem.numerics
+    if own.rounded and len(candidate.effects) > 1:
+        sharp = candidate.resumed(candidate.problem.at(Numerics(own.n_sub, WIDER[0], rounded=False)))
+        return candidate if sharp is None or sharp.fit.cost > candidate.fit.cost else sharp
     if own.rounded or not may_be_rounded(candidate):
         return candidate
     return worth(price, candidate, softer({own.sharpness: candidate}, WIDER, with_width))
