@@ -87,6 +87,10 @@ def test_an_explained_gap_that_leaves_a_disturbance_says_so():
     left = headline(report(FRICTION, reasons=Reasons("disturbance_left", "", {})))
     assert left.endswith("What is left follows no law that was found.")
     assert "disturbance" not in headline(report(FRICTION, reasons=Reasons("closed", "", {})))
+    lawful = Reasons("disturbance_left", "", {"lawful": 0.21, "tolerance": 0.1})
+    assert headline(report(FRICTION, reasons=lawful)).endswith(
+        "What is left looks like a law, but no formula of it was found that holds on held-out runs."
+    )
 
 
 def test_a_fault_that_is_next_to_nothing_of_the_gap_is_the_last_thing_to_do():

@@ -224,7 +224,7 @@ class OdeAccess(BaseAccess[OdeCandidate]):
 
     def notes(self, final: Evidence[OdeCandidate], verdict: str) -> list[str]:
         notes, rounding = lost_places(self.channels.lost), self.rounding(final)
-        if verdict == "unknown" and rounding is not None:
+        if verdict in ("unknown", "partial") and rounding is not None:
             notes.append(GRID_NOTE.format(name=rounding.sensor, step=rounding.step))
         notes += notes_on_kinks(final.candidate)
         others = [*in_other_names(self.search, final), *in_more_names(self.search, final)]

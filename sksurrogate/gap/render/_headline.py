@@ -133,8 +133,13 @@ def _which_closes(report: ReportData) -> str:
 
 
 def _disturbed(report: ReportData) -> str:
-    """That what an explained gap leaves is a disturbance, where it is more than the tolerance."""
-    return " What is left follows no law that was found." if report.reasons.rule == "disturbance_left" else ""
+    """That what an explained gap leaves is a disturbance, where it is more than the tolerance; or a law that no formula of holds."""
+    if report.reasons.rule != "disturbance_left":
+        return ""
+    seen = report.reasons.features
+    if seen.get("lawful", 0.0) > seen.get("tolerance", np.inf):
+        return f" What is left looks like a law, but no formula of it was found that holds on {held_out(report)}."
+    return " What is left follows no law that was found."
 
 
 def _doubtful(report: ReportData) -> str:
