@@ -234,8 +234,8 @@ def within_runs(effect: BaseEffect, whole: np.ndarray) -> Any:
 
     ``whole`` (n_runs,): which runs begin where a recorded one does.
 
-    >>> lag = within_runs(InputLag("u", before=0.0), np.array([True, False]))
-    >>> lag.before
+    >>> late = within_runs(InputDelay("u", before=0.0), np.array([True, False]))
+    >>> late.before
     array([ 0., nan])
     """
     if not isinstance(effect, RememberingActuator) or effect.before is None or whole.all():

@@ -33,6 +33,7 @@ def test_of_two_forms_of_one_law_the_nearer_is_enough_within_the_tolerance(monke
     search = SimpleNamespace(
         tolerance=0.1,
         tolerated_cost=tolerated,
+        n_values=100,
         stood={},
         plausible=lambda _: True,
         without=lambda _, i: one((both[1 - i],), 500.0 if i == 0 else 300.0),
@@ -65,6 +66,7 @@ def test_a_rare_one_that_is_driven_as_another_is_left_out(monkeypatch, second, w
     search = SimpleNamespace(
         tolerance=0.1,
         tolerated_cost=tolerated,
+        n_values=100,
         stood={},
         plausible=lambda _: True,
         without=lambda _, i: one((both[1 - i],), 500.0 if i == 0 else without_second),
@@ -120,7 +122,7 @@ def _sets(costs, places=None):
         return one(names) if names in costs else None
 
     return SimpleNamespace(
-        tolerance=0.1, tolerated_cost=150.0, stood={}, without=without, plausible=lambda _: True
+        tolerance=0.1, tolerated_cost=150.0, n_values=100, stood={}, without=without, plausible=lambda _: True
     ), one
 
 

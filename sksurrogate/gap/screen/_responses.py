@@ -258,12 +258,15 @@ class Responses:
     def followed(self, effect: ParameterEffect, model: AugmentedModel, starts: np.ndarray) -> np.ndarray:
         """What a parameter that goes with a signal or with time changes in the next states (n_states, n_starts, n_samples).
 
-        Its relative change at every sample, times what a unit of it changes: a simulator that steps is written anew for every
+        Its relative change amid every sample, times what a unit of it changes: a simulator that steps is written anew for every
         value of a parameter, which costs more than its step.
         """
-        x, u = self.smoothed.x[:, None], self.bound.acting(0)
+        record, u = self.problem.record, self.bound.acting(0)
+        last = np.repeat(record.starts + record.lengths - 1, record.lengths)
+        later = np.minimum(np.arange(record.n_samples) + 1, last)
+        x = 0.5 * (self.smoothed.x + self.smoothed.x[:, later])[:, None]
         driver = () if effect.variable is None else (model.variable(len(self.base.effects), x, u),)
-        how = self.problem.record.t, [row[:, None] for row in starts], self.bound.h
+        how = record.t + 0.5 * record.dt, [row[:, None] for row in starts], self.bound.h
         relative = np.broadcast_to(effect.value(1.0, *how, *driver) - 1.0, (starts.shape[1], x.shape[2]))
         return self.unit_error(str(effect.location))[:, None] * relative
 

@@ -11,9 +11,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from sksurrogate.effects._parameter import ParameterDependence
-from sksurrogate.gap.fit._closeness import is_at_noise
 from sksurrogate.gap.fit._evidence import C
-from sksurrogate.gap.search._softer import in_form, nearest_by_parabolas, worth
+from sksurrogate.gap.search._softer import at_noise, in_form, nearest_by_parabolas, worth
 
 #: Of an exponential and of one over a straight line, more and more curved upwards; of a square root. A straight line has 0.
 UPWARDS, DOWNWARDS = (1.0, 2.0), (-1.0,)
@@ -27,14 +26,13 @@ def curved_where_nearer(candidate: C, price: float) -> C:
     First the curves that have a name, more and more curved as long as that leads nearer to the data; then those between and beyond
     them. Not asked at the noise.
     """
-    n_values = candidate.problem.record.n_values
     for i, effect in enumerate(candidate.effects):
-        if not isinstance(effect, ParameterDependence) or is_at_noise(candidate.fit.cost, n_values):
+        if not isinstance(effect, ParameterDependence) or at_noise(candidate):
             continue
         if effect.curvature == 0.0:
             ways = (as_far_as_nearer(candidate, way, i) for way in (UPWARDS, DOWNWARDS))
             candidate = worth(price, candidate, min(ways, key=lambda one: one.fit.cost))
-        if not is_at_noise(candidate.fit.cost, n_values):
+        if not at_noise(candidate):
             candidate = worth(price, candidate, between_curves(candidate, i))
     return candidate
 

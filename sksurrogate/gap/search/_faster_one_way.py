@@ -7,9 +7,8 @@ from functools import partial
 import numpy as np
 
 from sksurrogate.effects._followers import Follower
-from sksurrogate.gap.fit._closeness import is_at_noise
 from sksurrogate.gap.fit._evidence import C
-from sksurrogate.gap.search._softer import TIMES_APART, in_form, nearest_by_parabolas, worth
+from sksurrogate.gap.search._softer import TIMES_APART, at_noise, in_form, nearest_by_parabolas, worth
 
 #: The factor between two that are tried where one is fitted further.
 FURTHER_APART = 1.1
@@ -21,7 +20,7 @@ def faster_one_way_where_nearer(candidate: C, price: float) -> C:
     Where they do already, it is fitted further. Not asked at the noise.
     """
     for i, effect in enumerate(candidate.effects):
-        if isinstance(effect, Follower) and not is_at_noise(candidate.fit.cost, candidate.problem.record.n_values):
+        if isinstance(effect, Follower) and not at_noise(candidate):
             own = effect.times_faster
             tried, apart = {own: candidate}, FURTHER_APART if effect.falling else TIMES_APART
             nearest = nearest_by_parabolas(tried, own * apart, partial(falling_faster, candidate, i), apart)

@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 from sklearn.base import clone
 
+from sksurrogate.gap.fit._closeness import is_at_noise
 from sksurrogate.gap.fit._evidence import C, gain_by_size
 from sksurrogate.gap.search._restart import WORTH_A_FIT
 
@@ -87,6 +88,11 @@ def in_form(candidate: C, i: int, theta: np.ndarray | None = None, **numbers: fl
         return candidate.fitted_as((*candidate.effects[:i], other, *candidate.effects[i + 1 :]), theta)
     except (ArithmeticError, np.linalg.LinAlgError):
         return None
+
+
+def at_noise(candidate: C) -> bool:
+    """Whether a set is at the noise by its cost: its shape is not asked further."""
+    return is_at_noise(candidate.fit.cost, candidate.problem.record.n_values)
 
 
 def worth(price: float, candidate: C, other: C) -> C:
