@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 from sksurrogate._close_names import did_you_mean
 from sksurrogate.effects._base_effect import BaseEffect
 from sksurrogate.effects._catalogue import CATALOGUE
+from sksurrogate.effects._variable import signals_in
 from sksurrogate.exceptions import DataError
 from sksurrogate.physics._simulator import Plant
 
@@ -157,9 +158,9 @@ def _words(entry: Any, names: set[str], places: set[str]) -> list[tuple[str, set
     if isinstance(entry, str):
         return [(entry, names | places, "neither an effect nor a place of the simulator")]
     name, location = entry[:2]
-    variables = (entry[2] or "").split("*") if len(entry) == 3 else []
+    variables = signals_in(entry[2]) if len(entry) == 3 else ()
     return [
         *([(name, names, "not an effect")] if name is not None else []),
         *([(location, places, "not a place of the simulator")] if location is not None else []),
-        *((signal, places, "not a signal of the simulator") for signal in variables if signal),
+        *((signal, places, "not a signal of the simulator") for signal in variables),
     ]

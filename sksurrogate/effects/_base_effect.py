@@ -10,6 +10,7 @@ from sklearn.base import BaseEstimator
 
 from sksurrogate.effects._parts import Parameter, Probe
 from sksurrogate.effects._prior_odds import PriorOdds
+from sksurrogate.effects._variable import signals_in
 from sksurrogate.physics._simulator import Plant
 
 #: Values of the parameters of an effect, magnitude first, (n_columns, 1) each.
@@ -24,7 +25,8 @@ class BaseEffect(PriorOdds, BaseEstimator):
     location : str, optional
         Name of the parameter, state, input or output where the effect enters.
     variable : str, optional
-        Signal that drives it ("v*w" for a product, names sorted); None where the form has no v.
+        Signal that drives it ("v*w" for a product, names sorted; "abs(v - w)" for the size of a difference); None where the form
+        has no v.
 
     Attributes
     ----------
@@ -79,6 +81,11 @@ class BaseEffect(PriorOdds, BaseEstimator):
     def key(self) -> tuple[str, str | None, str | None]:
         """``(name, location, variable)``."""
         return self.name, self.location, self.variable
+
+    @property
+    def signals(self) -> tuple[str, ...]:
+        """Names of the signals in its variable."""
+        return signals_in(self.variable)
 
     @property
     def at_rest(self) -> bool:

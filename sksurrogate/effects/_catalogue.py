@@ -250,7 +250,7 @@ def check_place(effect: BaseEffect, plant: Plant) -> None:
         return
     beside_inputs = {"input": (), "output": plant.outputs}.get(effect.kind, plant.states)
     signals = beside_inputs + plant.inputs
-    for name in effect.variable.split("*"):
+    for name in effect.signals:
         if name not in signals:
             raise DataError(
                 f"{effect!r}: variable={effect.variable!r} is made of signals of the simulator: {list(signals)}."

@@ -14,6 +14,7 @@ from sksurrogate.effects._catalogue import check_place
 from sksurrogate.effects._model import AugmentedModel, BoundModel
 from sksurrogate.effects._parts import Probe
 from sksurrogate.effects._structure import kinematic_states
+from sksurrogate.effects._variable import value_of
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics._model import PlantModel
 from sksurrogate.physics._ode import ODESimulator
@@ -142,9 +143,9 @@ def _probe(effect: BaseEffect, plant: Plant, record: Record, X: np.ndarray, Y: n
     """What the experiment shows at the place of the effect."""
     states, inputs, outputs = dict(zip(plant.states, X)), dict(zip(plant.inputs, record.u)), dict(zip(plant.outputs, Y))
     signals = {**inputs, **{"input": {}, "output": outputs}.get(effect.kind, states)}
-    factors = tuple(signals[name] for name in effect.variable.split("*")) if effect.variable else ()
+    factors = tuple(signals[name] for name in effect.signals)
     x = signals.get(str(effect.location), X[0])
-    v = np.prod(factors, axis=0) if factors else (x if effect.kind in ("input", "output") else None)
+    v = value_of(effect.variable, factors) if factors else (x if effect.kind in ("input", "output") else None)
     rate = float(np.sqrt(np.mean(np.gradient(x, record.dt) ** 2))) if effect.kind == "state" else 0.0
     return Probe(v, x, rate, record.dt, record.dt * 40, record.starts, factors if len(factors) == 2 else ())
 

@@ -88,10 +88,9 @@ class _Formula(BaseEffect):
         """``sum of c f(v, w)``, what the law adds at its place."""
         return sum((coefficient * term.value(signals, t) for coefficient, term in self.filled(theta)), 0.0)
 
-    def signals(self, v: Any) -> dict[str, Any]:
+    def by_name(self, v: Any) -> dict[str, Any]:
         """Values of the variable by name: an array, or one for each signal of "v*w"."""
-        names = self.variable.split("*") if self.variable else []
-        return dict(zip(names, v if len(names) > 1 else (v,)))
+        return dict(zip(self.signals, v if len(self.signals) > 1 else (v,)))
 
     def starts(self, probe: Any) -> list[tuple[float, ...]]:
         """The parameters that were found."""
@@ -143,7 +142,7 @@ class LawEffect(_Formula, BalanceEffect):  # type: ignore[misc]
 
     def term(self, t: Any, x: np.ndarray, v: Any, theta: Sequence[Any], width: Any) -> Any:
         """``sum of c f(v, w)``; ``width``: 0, or a width and the step that has to follow its turns (:meth:`smoothed`)."""
-        signals, h = self.signals(v), width[1] if isinstance(width, tuple) else 0.0
+        signals, h = self.by_name(v), width[1] if isinstance(width, tuple) else 0.0
         out = np.zeros_like(x)
         for coefficient, term in self.filled(theta):
             followed = self._followed(coefficient, term, signals, t, h) if np.ndim(h) or h > 0 else term
@@ -290,7 +289,7 @@ class ParameterLawEffect(_Formula, ParameterEffect):  # type: ignore[misc]
 
     def value(self, p: Any, t: Any, theta: Sequence[Any], width: float, v: Any = None) -> Any:
         """``p + f``."""
-        return p + self.added(self.signals(v), t, theta)
+        return p + self.added(self.by_name(v), t, theta)
 
 
 class SensorLawEffect(_Formula, SensorEffect):  # type: ignore[misc]

@@ -22,8 +22,9 @@ from sksurrogate.effects._limit import in_force
 from sksurrogate.effects._onset import Starting, edges_of, kinks_of, timed
 from sksurrogate.effects._parameter import constant_in_time
 from sksurrogate.effects._readings import read_sensors
+from sksurrogate.effects._variable import driver_of
 from sksurrogate.effects._whole_step import has_own_steps, held_for, own_run, whole_step
-from sksurrogate.effects._wires import beside, entering, factors, kink_width, wire_of
+from sksurrogate.effects._wires import beside, entering, kink_width, wire_of
 from sksurrogate.kernels.clock import check_time
 from sksurrogate.kernels.integrate import closing_weight, rk4
 from sksurrogate.kernels.record import Record
@@ -84,7 +85,7 @@ class AugmentedModel:
 
     def _size(self, effect: BaseEffect) -> float:
         """Size of the variable of an effect."""
-        return float(np.prod([self._signal_size(name) for name in factors(effect)])) if effect.variable else 1.0
+        return float(np.prod([self._signal_size(name) for name in effect.signals])) if effect.variable else 1.0
 
     def _signal_size(self, name: str) -> float:
         if name in self.plant.states:
@@ -120,7 +121,7 @@ class AugmentedModel:
     def variable(self, i: int, x: np.ndarray, u: np.ndarray) -> Any:
         """Values of the variable of effect i: an array, a pair for "v*w", None where there is none."""
         found = tuple(x[place] if is_state else u[place] for is_state, place in self.wires[i].drivers)
-        return found[0] if len(found) == 1 else found or None
+        return driver_of(self.effects[i].variable, found)
 
     def force_of(
         self, i: int, t: Any, x: np.ndarray, u: np.ndarray, parameters: Sequence[Any], width: Any, varied: Any = None

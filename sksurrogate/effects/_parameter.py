@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from sksurrogate.effects._across_element import differences_across
 from sksurrogate.effects._base_effect import BaseEffect
 from sksurrogate.effects._families import ParameterEffect
 from sksurrogate.effects._levelling import Levelling
@@ -121,8 +122,10 @@ class ParameterDependence(ParameterEffect):
 
     @classmethod
     def variables(cls, plant: Plant, location: str) -> Sequence[str | None]:
-        """Every state and input, on parameters whose nominal value is not 0."""
-        return (*plant.states, *plant.inputs) if plant.params[location] != 0 else ()
+        """Every state and input, and the difference across an element, on parameters whose nominal value is not 0."""
+        if plant.params[location] == 0:
+            return ()
+        return (*plant.states, *plant.inputs, *differences_across(plant, location))
 
     def value(self, p: Any, t: Any, theta: Sequence[Any], width: float, v: Any = 0.0) -> Any:
         s, power = theta[0] * v + theta[1], 1.0 - self.curvature

@@ -10,6 +10,7 @@ import numpy as np
 from sksurrogate.effects._at_work import paired, values_of
 from sksurrogate.effects._base_effect import BaseEffect
 from sksurrogate.effects._families import BalanceEffect, ParameterEffect
+from sksurrogate.effects._variable import driver_of
 from sksurrogate.physics._simulator import offered_ports
 
 
@@ -35,19 +36,18 @@ def term_at(model: Augmented, effect: BalanceEffect, given: Any, t: Any, x: Any,
     """What a law adds, ``own`` being the state or input of its location."""
     states = list(model.states)
     sizes = None if model.scale is None else np.broadcast_to(np.asarray(model.scale, dtype=float), (len(states),))
-    names = effect.variable.split("*") if effect.variable else []
-    found = [_signal(model, name, x, u) for name in names]
+    names = effect.signals
     width = 0.0
     if sizes is not None and names and set(names) <= set(states):
         width = float(np.prod([sizes[states.index(name)] for name in names])) / model.sharpness
-    v = None if not found else found[0] if len(found) == 1 else tuple(found)
-    return effect.term(t, own, v, values_of(effect, given), width)
+    return effect.term(t, own, _driver(model, effect, x, u), values_of(effect, given), width)
 
 
-def _signal(model: Augmented, name: str, x: Any, u: Any) -> Any:
-    """A state or input by name."""
-    states = list(model.states)
-    return x[states.index(name)] if name in states else u[list(model.inputs).index(name)]
+def _driver(model: Augmented, effect: BaseEffect, x: Any, u: Any) -> Any:
+    """What an effect is given as its variable."""
+    states, inputs = list(model.states), list(model.inputs)
+    found = [x[states.index(name)] if name in states else u[inputs.index(name)] for name in effect.signals]
+    return driver_of(effect.variable, found)
 
 
 def entering_at(
@@ -74,6 +74,6 @@ def acting_params(model: Augmented, t: Any, x: Any, u: Any, p: Mapping[str, Any]
     for effect, given in paired(model.effects, model.values):
         if isinstance(effect, ParameterEffect):
             name = str(effect.location)
-            driver = () if effect.variable is None else (_signal(model, effect.variable, x, u),)
+            driver = () if effect.variable is None else (_driver(model, effect, x, u),)
             acting[name] = effect.value(acting[name], t, values_of(effect, given), 0.0, *driver)
     return acting

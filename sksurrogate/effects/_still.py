@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from sksurrogate.effects._base_effect import BaseEffect
-from sksurrogate.effects._wires import factors
 from sksurrogate.kernels.record import Record
 from sksurrogate.physics._simulator import Plant
 
@@ -41,4 +40,4 @@ def driven_effects(effects: Sequence[BaseEffect], asked: Any, plant: Plant, reco
 def _signals(effect: BaseEffect) -> list[str]:
     """Signals that an effect acts on or is driven by, states but for its place left out."""
     place = [str(effect.location)] if effect.kind == "input" else []
-    return [*place, *factors(effect)]
+    return [*place, *effect.signals]

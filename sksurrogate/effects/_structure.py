@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import weakref
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -53,13 +53,13 @@ class Structure:
 
 def structure_of(model: PlantModel) -> Structure:
     """Look at a plant with a right-hand side or a step."""
-    model = _with_rates(model)
+    model = with_rates(model)
     plant = model.plant
     gain = rate_gains(model)
     at_once = _at_once(model, gain)
     speed_of = integrals(model)
-    t, x, u = _points(model)
-    rate = np.max(np.abs(np.nan_to_num(_rates(model, t, x, u))), axis=1, initial=0.0)
+    t, x, u = points_about(model)
+    rate = np.max(np.abs(np.nan_to_num(rates_at(model, t, x, u))), axis=1, initial=0.0)
     kinematic = [plant.states.index(name) for name in speed_of]
     moved, constant = _moves(gain, rate, kinematic)
     found = Structure(speed_of, gain, moved, constant)
@@ -98,7 +98,7 @@ def _at_once(model: PlantModel, gain: np.ndarray) -> np.ndarray | None:
     plant = model.plant
     if plant.access != "step" or not gain.size:
         return None
-    t, x, u = _points(model)
+    t, x, u = points_about(model)
     n = len(plant.states)
     pushes = PORT_PUSH * np.eye(n)[:, :, None]
     columns = np.concatenate([x[:, None] + pushes, x[:, None] - pushes], axis=1)
@@ -137,17 +137,17 @@ def rate_gains(model: PlantModel) -> np.ndarray:
 
     By differences, at random states; nan where the plant has no rate there, or gives trajectories only.
     """
-    model = _with_rates(model)
+    model = with_rates(model)
     plant = model.plant
     n, m = len(plant.states), len(plant.ports)
     if plant.access == "trajectory" or not m or not n:
         return np.zeros((n, m, N_POINTS))
-    t, x, u = _points(model)
+    t, x, u = points_about(model)
     entering = np.concatenate([u, np.zeros((len(plant.further_ports), N_POINTS))])
     pushes = PORT_PUSH * np.eye(m)[:, :, None]
     columns = np.concatenate([entering[:, None] + pushes, entering[:, None] - pushes], axis=1)
     many = np.broadcast_to(x[:, None], (n, 2 * m, N_POINTS))
-    rates = _rates(model, t, many, columns)
+    rates = rates_at(model, t, many, columns)
     with np.errstate(all="ignore"):
         return (rates[:, :m] - rates[:, m:]) / (2 * PORT_PUSH)
 
@@ -169,14 +169,14 @@ def _known_gains(model: PlantModel) -> np.ndarray:
     return _KNOWN[model]
 
 
-def _with_rates(model: PlantModel) -> PlantModel:
+def with_rates(model: PlantModel) -> PlantModel:
     """A model that shows rates themselves, where the simulator that steps has a right-hand side too."""
     plant = model.plant
     both = plant.access == "step" and callable(getattr(plant.simulator, "rhs", None))
     return PlantModel(replace(plant, access="rhs")) if both else model
 
 
-def _points(model: PlantModel) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def points_about(model: PlantModel) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Times, states and inputs about the initial state; half of the states not negative, as levels and concentrations are;
     inputs from the recorded range where it is known.
     """
@@ -193,13 +193,15 @@ def _points(model: PlantModel) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return np.linspace(0.0, 10 * plant.dt, N_POINTS), x, u
 
 
-def _rates(model: PlantModel, t: np.ndarray, x: np.ndarray, u: np.ndarray) -> np.ndarray:
-    """dx/dt, or the mean rate over a step of a simulator that steps."""
+def rates_at(
+    model: PlantModel, t: np.ndarray, x: np.ndarray, u: np.ndarray, varied: Mapping[str, np.ndarray] | None = None
+) -> np.ndarray:
+    """dx/dt, or the mean rate over a step of a simulator that steps; ``varied``: values of parameters at the points."""
     with np.errstate(all="ignore"):
         if model.plant.access == "rhs":
-            return model.derivative(t, x, u)
+            return model.derivative(t, x, u, varied)
         dt = model.plant.dt
-        return (model.step(t, x, u, dt) - x) / dt
+        return (model.step(t, x, u, dt, varied) - x) / dt
 
 
 def integrals(model: PlantModel) -> dict[str, str | None]:
@@ -214,7 +216,7 @@ def integrals(model: PlantModel) -> dict[str, str | None]:
     if plant.access == "trajectory":
         return {}
     if n > 1:
-        t, x, u = _points(model)
+        t, x, u = points_about(model)
         with np.errstate(all="ignore"):
             if plant.access == "rhs":
                 same = _identical(model.derivative(t, x, u), x, 1e-12)

@@ -34,11 +34,6 @@ class Wire:
     parameter: tuple[str, float] | None = None
 
 
-def factors(effect: BaseEffect) -> list[str]:
-    """Names of the signals in a variable: "v" or "v*w"."""
-    return effect.variable.split("*") if effect.variable else []
-
-
 def wire_of(effect: BaseEffect, model: PlantModel, width: Callable[[BaseEffect], float]) -> Wire:
     """The wiring of an effect; ``width`` tells that of its kinks."""
     plant = model.plant
@@ -46,13 +41,13 @@ def wire_of(effect: BaseEffect, model: PlantModel, width: Callable[[BaseEffect],
     if effect.kind not in ("state", "parameter"):
         followed = ((True, states.index(str(effect.variable))),) if isinstance(effect, HiddenEffect) else ()
         return Wire(-1, followed, None)
-    drivers = tuple((True, states.index(n)) if n in states else (False, inputs.index(n)) for n in factors(effect))
+    drivers = tuple((True, states.index(n)) if n in states else (False, inputs.index(n)) for n in effect.signals)
     if effect.kind == "parameter":
         return Wire(-1, drivers, None)
     smoothed = width(effect) if effect.variable else None
     if not at_port(effect, plant):
         own = effect.variable == effect.location or (
-            isinstance(effect, LawEffect) and effect.location in factors(effect)
+            isinstance(effect, LawEffect) and effect.location in effect.signals
         )
         return Wire(states.index(str(effect.location)), drivers, smoothed, feedback=float(own))
     port = plant.ports.index(str(effect.location))

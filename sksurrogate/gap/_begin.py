@@ -22,7 +22,6 @@ from sksurrogate.effects._sensor import SensorDelay
 from sksurrogate.effects._still import driven_effects
 from sksurrogate.effects._structure import kinematic_states
 from sksurrogate.effects._unsettled import in_motion
-from sksurrogate.effects._wires import factors
 from sksurrogate.exceptions import SimulatorError, SurrogateError
 from sksurrogate.gap._pipeline import DiagnosisPipeline
 from sksurrogate.gap._progress import Progress
@@ -153,7 +152,7 @@ def _acts_from_afar(effect: BaseEffect, problem: OdeBackend) -> bool:
     """Whether a signal that drives an effect is far from the balance in which it acts, or an input that a sensor shows past the plant."""
     if effect.kind == "output":
         return effect.variable in problem.plant.inputs
-    return effect.kind == "state" and not is_near(problem.near, effect.location, factors(effect))
+    return effect.kind == "state" and not is_near(problem.near, effect.location, effect.signals)
 
 
 def _candidates(task: Task, balances: Sequence[str]) -> list[BaseEffect]:

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from sksurrogate.effects._variable import value_of
 from sksurrogate.gap.fit._backend import BaseCandidate
 from sksurrogate.gap.render._headline import sentence_of
 from sksurrogate.gap.render._report import GapReport
@@ -57,11 +58,17 @@ def with_provenance(
         report,
         units=units_in(plant),
         nominal={name: float(value) for name, value in plant.params.items() if isinstance(value, Real)},
-        ranges=_ranges(final.signals),
+        ranges=_ranges({**final.signals, **_differences(final)}),
         provenance=provenance,
         seconds=seconds,
     )
     return replace(known, sentence=sentence_of(known))
+
+
+def _differences(final: BaseCandidate) -> dict[str, np.ndarray]:
+    """Differences of signals on which parameters depend, along the data."""
+    pairs = [e for e in final.effects if e.kind == "parameter" and len(e.signals) > 1]
+    return {str(e.variable): value_of(e.variable, [final.signals[name] for name in e.signals]) for e in pairs}
 
 
 def _ranges(signals: Mapping[str, np.ndarray]) -> dict[str, tuple[float, float]]:

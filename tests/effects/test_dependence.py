@@ -73,12 +73,14 @@ def test_the_right_hand_side_of_the_simulator_with_it_has_it():
 
 
 def test_there_is_one_for_each_parameter_that_is_not_zero_and_each_signal():
+    """And for the difference across the wall."""
     from sksurrogate.effects import build_effects
     from sksurrogate.physics._simulator import describe
 
     plant = ODESimulator(exchanger, **{**SIGNALS, "params": {"UA": 0.5, "M": 2.0, "none": 0.0}})
     found = {effect.key[1:] for effect in build_effects(describe(plant), ["cold"], ["parameter_dependence"])}
-    assert found == {(p, v) for p in ("UA", "M") for v in ("cold", "hot", "flow")}
+    across = {("UA", "abs(cold - hot)"), ("UA", "(cold - hot)^2")}
+    assert found == {(p, v) for p in ("UA", "M") for v in ("cold", "hot", "flow")} | across
 
 
 def record(rhs, seed=0, runs=3, n=160, outputs=("cold", "hot")):

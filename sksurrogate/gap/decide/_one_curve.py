@@ -73,7 +73,7 @@ def is_like(effect: BaseEffect, law: Law) -> bool:
     >>> [is_like(CATALOGUE[name](at), law) for name, at in (("input_saturation", "force"), ("sensor_gain", "force"))]
     [True, False]
     """
-    return is_at(effect, law) and not set(place_and_signal(effect)[1].split("*")).isdisjoint(law.variables)
+    return is_at(effect, law) and not set(effect.signals or place_and_signal(effect)[1:]).isdisjoint(law.variables)
 
 
 def nearest_name(search: BaseSearch[C], law: Law) -> C | None:

@@ -76,7 +76,7 @@ def coordinates_of(
 ) -> Coordinates:
     """Coordinates of a set of effects along a path of the signals; ``slice_of``: where the parameters of each stand."""
     some = [(i, one) for i, one in enumerate(effects) if type(one).gain is not BaseEffect.gain]
-    drivers = [(one.variable or str(one.location)).split("*")[0] for _, one in some]
+    drivers = [(*one.signals, str(one.location))[0] for _, one in some]
     sized = [(slice_of(i), one, _size(signals[v])) for (i, one), v in zip(some, drivers)]
     return Coordinates(tuple(one for one in sized if abs(np.log(one[2])) > np.log(FAR_FROM_ONE)))
 

@@ -11,6 +11,7 @@ from sksurrogate.effects._base_effect import BaseEffect
 from sksurrogate.effects._parts import Probe
 from sksurrogate.effects._ports import at_port
 from sksurrogate.effects._structure import mean_gains
+from sksurrogate.effects._variable import value_of
 from sksurrogate.effects._wires import beside
 
 #: Of a kind of place and its name the signal there and the slope of the log likelihood in it, each (n_samples,); None where none is
@@ -34,8 +35,8 @@ def probe_of(
     v: np.ndarray | None = None
     factors: tuple[np.ndarray, ...] = ()
     if effect.variable:
-        factors = tuple(signal(name) for name in effect.variable.split("*"))
-        v = np.prod(factors, axis=0)
+        factors = tuple(signal(name) for name in effect.signals)
+        v = value_of(effect.variable, factors)
     where, rate, feedback, gain = np.zeros(record.n_samples), 0.0, None, None
     if at_port(effect, plant):
         model, port = problem.augmented((effect,)), plant.ports.index(str(effect.location))

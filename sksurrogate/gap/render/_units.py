@@ -7,6 +7,7 @@ from functools import reduce
 
 from sksurrogate._units import over, times, to_power
 from sksurrogate.effects._catalogue import CATALOGUE
+from sksurrogate.effects._variable import is_difference, signals_in
 from sksurrogate.gap.results._effect_estimate import EffectEstimate
 from sksurrogate.gap.results._table import Table
 
@@ -39,6 +40,18 @@ def with_unit(number: str, unit: str) -> str:
     ('2.5 m/s', '2.5', '2.5')
     """
     return number if unit in NO_UNIT else f"{number} {unit}"
+
+
+def variable_unit(variable: str | None, units: Mapping[str, str]) -> str:
+    """Of a signal, a product or a difference.
+
+    >>> variable_unit("v*w", {"v": "m", "w": "N"}), variable_unit("abs(T - Ta)", {"T": "K", "Ta": "K"})
+    ('m N', 'K')
+    """
+    signals = [units.get(name, "") for name in signals_in(variable)]
+    if is_difference(variable):
+        return signals[0] if str(variable).startswith("abs") else to_power(signals[0], 2)
+    return reduce(times, signals or [""])
 
 
 def derivative_unit(name: str, units: Mapping[str, str]) -> str:
@@ -78,7 +91,7 @@ def parameter_unit(effect: EffectEstimate, parameter: str, units: Mapping[str, s
     """
     known = {p.name: p.unit for p in CATALOGUE[effect.name].parameters} if effect.name in CATALOGUE else {}
     form = known.get(parameter, "")
-    v = reduce(times, (units.get(name, "") for name in (effect.variable or "").split("*")))
+    v = variable_unit(effect.variable, units)
     own = units.get(effect.location, "")
     force = own if effect.at_port else over(own, units.get(TIME, ""))
     if form == "dx/dt over v" and effect.variable == effect.location and not effect.at_port:

@@ -11,7 +11,7 @@ import numpy as np
 from sksurrogate.effects._catalogue import in_words
 from sksurrogate.effects._onset import WINDOW
 from sksurrogate.effects._parameter import ParameterDependence
-from sksurrogate.gap.render._units import TIME, parameter_unit, with_unit
+from sksurrogate.gap.render._units import TIME, parameter_unit, variable_unit, with_unit
 from sksurrogate.gap.results._effect_estimate import EffectEstimate, circumstances
 from sksurrogate.gap.results._report_data import ReportData
 from sksurrogate.gap.results._table import Table
@@ -197,7 +197,7 @@ def _along(
     form, name = ParameterDependence(curvature=effect.curvature), str(effect.variable)
     theta, unit = (effect.params["slope"], effect.params["relative_error"]), units.get(effect.location, "")
     values = [float(form.value(fitted, 0.0, theta, 0.0, v)) for v in ends]
-    at = (f"{quantity(p, unit)} at {name} = {quantity(v, units.get(name, ''))}" for p, v in zip(values, ends))
+    at = (f"{quantity(p, unit)} at {name} = {quantity(v, variable_unit(name, units))}" for p, v in zip(values, ends))
     return f"{effect.location}: {quantity(before, unit)} -> {', '.join(at)}"
 
 

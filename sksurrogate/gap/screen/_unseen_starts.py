@@ -10,7 +10,6 @@ import numpy as np
 
 from sksurrogate.effects._base_effect import BaseEffect
 from sksurrogate.effects._families import BalanceEffect, HiddenEffect
-from sksurrogate.effects._wires import factors
 from sksurrogate.gap.fit._normal_equations import eliminate, project_starts, scores
 from sksurrogate.gap.fit._pushes import STEP_OF_SLOPES
 from sksurrogate.gap.screen._responses import Responses
@@ -37,7 +36,7 @@ def moved_through(s: Responses, unseen: np.ndarray, effect: BaseEffect, start: n
     if not len(unseen) or not isinstance(effect, BalanceEffect) or isinstance(effect, HiddenEffect):
         return np.zeros((0, *s.problem.record.y.shape))
     states = s.problem.plant.states
-    places = [states.index(name) for name in factors(effect) if name in states]
+    places = [states.index(name) for name in effect.signals if name in states]
     model = s.problem.augmented((*s.base.effects, effect))
     found = []
     for free in unseen:

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from sksurrogate.effects._parameter import ParameterDependence
+from sksurrogate.effects._variable import driver_of
 from sksurrogate.gap.fit._evidence import C
 from sksurrogate.gap.search._softer import at_noise, in_form, nearest_by_parabolas, worth
 
@@ -64,7 +65,7 @@ def with_curvature(candidate: C, curvature: float, i: int) -> C | None:
     """A set fitted with another curvature of dependence i, from where it stands at the signal's mean; None where it breaks the arithmetic."""
     effect, place = candidate.effects[i], candidate.slice_of(i)
     assert isinstance(effect, ParameterDependence)
-    mean = float(np.mean(candidate.signals[str(effect.variable)]))
+    mean = float(np.mean(driver_of(effect.variable, [candidate.signals[name] for name in effect.signals])))
     own = effect.as_curved(candidate.theta_of(i), mean, curvature)
     if own is None:
         return None

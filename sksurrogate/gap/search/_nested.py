@@ -69,8 +69,8 @@ def drivers(effect: BaseEffect) -> frozenset[str]:
     >>> drivers(CATALOGUE["drift"]("v"))
     frozenset()
     """
-    if effect.variable:
-        return frozenset(effect.variable.split("*"))
+    if effect.signals:
+        return frozenset(effect.signals)
     at_a_signal = effect.kind in ("input", "output") and not has_a_clock(effect)
     return frozenset([str(effect.location)] if at_a_signal else [])
 

@@ -164,7 +164,7 @@ class OdeSearch(Expander):
         """
         assert self.leading is not None
         null, (best, _) = self.fitted_null.candidate, self.leading
-        late = [e for e in self.later_asked.values() if e.late and not {e.variable, e.location}.isdisjoint(signals)]
+        late = [e for e in self.later_asked.values() if e.late and not {*e.signals, e.location}.isdisjoint(signals)]
         alone = self.ranked(self.expand(null, Wanted(MOST_OF_SIGNALS, 0, late)), null) if late else []
         if not alone or 2.0 * self.score(alone[0]) < likelihood + self.score(best):
             for one in alone:

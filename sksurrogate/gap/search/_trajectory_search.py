@@ -12,7 +12,6 @@ from joblib import delayed
 from sksurrogate._parallel._interrupts import workers
 from sksurrogate._printed import silent_in_worker
 from sksurrogate.effects._base_effect import BaseEffect
-from sksurrogate.effects._wires import factors
 from sksurrogate.gap.fit._closeness import SETTLED
 from sksurrogate.gap.fit._evidence import FEW_STEPS, Evidence, estimate_noise, judged_under
 from sksurrogate.gap.fit._linear_set import linear_set
@@ -127,7 +126,7 @@ class TrajectorySearch(SetSearch[TrajectoryCandidate]):
         """At an input a law of inputs, at a sensor one of readings."""
         plant = self.problem.plant
         own = {"input": plant.inputs, "output": plant.outputs}.get(law.kind, ())
-        return law.access == "trajectory" and set(factors(law)) <= set(own)
+        return law.access == "trajectory" and set(law.signals) <= set(own)
 
     def in_place_of(self, final: Evidence[TrajectoryCandidate], i: int) -> list[TrajectoryCandidate]:
         if len(final.effects) == 1:
