@@ -48,7 +48,7 @@ STARTING = [
     name
     for name, kind in KINDS.items()
     if name not in ("constant_bias", "periodic_disturbance", "sensor_rectification", "parameter_drift", *TIMED)
-    and kind.place != "port"
+    and kind.place not in ("port", "element")
 ]
 #: Shares of a run within which they begin.
 ONSETS = (0.25, 0.75)

@@ -100,7 +100,7 @@ class _Machine:
         def at(place: str) -> list[tuple[Truth, Kind]]:
             return [(truth, kind) for truth, kind in placed if kind.place == place]
 
-        self.parameters = [truth for truth, _ in at("parameter")]
+        self.parameters = [truth for truth, _ in (*at("parameter"), *at("element"))]
         self.terms, self.limits, self.hidden = at("balance"), [t for t, _ in at("limit")], [t for t, _ in at("hidden")]
         self.ports = [(plant.inputs.index(truth.location), truth, kind) for truth, kind in at("port")]
         self.actuators = {plant.inputs.index(t.location): (t, kind) for t, kind in at("input")}
@@ -125,6 +125,12 @@ class _Machine:
     def signal(self, name: str, x: np.ndarray, u: np.ndarray) -> np.ndarray:
         """A state or an input by name."""
         return x[self.index[name]] if name in self.index else u[self.plant.inputs.index(name)]
+
+    def stretch(self, truth: Truth, x: np.ndarray, u: np.ndarray) -> Any:
+        """The difference across an element, a state or "abs(a - b)"."""
+        ends = str(truth.variable).removeprefix("abs(").removesuffix(")").split(" - ")
+        first, *second = (self.signal(name, x, u) for name in ends)
+        return first - second[0] if second else first
 
     def factors(self, truth: Truth, x: np.ndarray, u: np.ndarray) -> tuple[Any, Any]:
         """The one or two factors of a variable."""
@@ -191,6 +197,10 @@ class _Machine:
                 change = p["rate"] * t
             elif truth.name == "parameter_dependence":
                 change = there(truth, middle) * (p["slope"] * self.factors(truth, x, u)[0] + p["relative_error"])
+            elif truth.name == "backlash":
+                stretch = np.abs(self.stretch(truth, x, u))
+                lost = np.where(stretch > p["half_width"], p["half_width"] / np.maximum(stretch, 1e-300), 1.0)
+                change = -there(truth, middle) * lost
             else:
                 change = there(truth, middle) * p["relative_error"] * (t >= p.get("time", -np.inf))
             values[truth.location] = np.where(np.equal(nominal, 0.0), change, nominal * (1.0 + change))

@@ -73,7 +73,7 @@ Size = Callable[[Any, Scene], dict[str, Any]]
 class Kind:
     """A family of effects."""
 
-    place: str  #: {"parameter", "balance", "port", "hidden", "limit", "input", "sensor"}
+    place: str  #: {"parameter", "element", "balance", "port", "hidden", "limit", "input", "sensor"}
     size: Size  #: ``size(m, scene) -> params``: m = 0 is not an effect, m about 1 a clear one
     #: Names that can imitate it on some data; they leave the catalogue with it in the unknown arm
     twins: tuple[str, ...] = ()
@@ -314,8 +314,16 @@ _PARAMETER = {
                            marks=("time",)),
 }  # fmt: skip
 
+#: Elements between two parts, which few plants have; no arm draws them.
+_ELEMENT = {
+    "backlash": Kind(
+        "element",
+        lambda m, s: {"half_width": 0.3 * m * s.spread()},
+        ("parameter_dependence", "parameter_error", "input_backlash", "input_dead_zone"),
+    )
+}
 #: Canonical name -> family: what can be withheld.
-KINDS: dict[str, Kind] = {**_PARAMETER, **_BALANCE, **_PORT, **_LIMIT, **_HIDDEN, **_INPUT, **_SENSOR}
+KINDS: dict[str, Kind] = {**_PARAMETER, **_ELEMENT, **_BALANCE, **_PORT, **_LIMIT, **_HIDDEN, **_INPUT, **_SENSOR}
 
 
 def scaled(v: Any, p: Params) -> Any:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 
 from sksurrogate.effects._structure import points_about, rates_at, with_rates
-from sksurrogate.effects._variable import across
 from sksurrogate.physics._model import PlantModel
 from sksurrogate.physics._simulator import Plant
 
@@ -17,29 +16,34 @@ PARAMETER_PUSH, SIGNAL_PUSH = 1e-3, 1e-2
 NO_SLOPE = 1e-4
 
 
-def differences_across(plant: Plant, parameter: str) -> tuple[str, ...]:
-    """The difference on which alone depends what a parameter changes in the rates, its size and its square; empty where there is none.
+class Across(NamedTuple):
+    """What a parameter scales acts across an element: from nothing else than these signals follows what it changes in the rates."""
 
-    What flows through an element depends on the difference across it: where the parameter is not constant, that is what it depends on
-    first.
+    #: Two whose difference alone counts, as of positions at both ends of a spring; one that is such a difference, as a twist
+    signals: tuple[str, ...]
+    proportional: bool  #: Whether it changes them in proportion to the difference
+
+
+def across_element(plant: Plant, parameter: str) -> Across | None:
+    """The difference across the element that a parameter scales; None where what it changes in the rates depends on more, or on nothing.
 
     >>> from sksurrogate.physics import ODESimulator
     >>> from sksurrogate.physics._simulator import describe
     >>> room = ODESimulator(lambda t, x, u, p: [(u[1] - p["UA"] * (x[0] - u[0])) / p["C"]], states=["T"], inputs=["Ta", "heat"],
     ...                     outputs=["T"], params={"UA": 2.0, "C": 50.0}, dt=1.0)
-    >>> [differences_across(describe(room), name) for name in ("UA", "C")]
-    [('abs(T - Ta)', '(T - Ta)^2'), ()]
+    >>> [across_element(describe(room), name) for name in ("UA", "C")]
+    [Across(signals=('T', 'Ta'), proportional=True), None]
     """
     names = (*plant.states, *plant.inputs)
     slope = _slopes(with_rates(PlantModel(plant)), parameter) if plant.access in ("rhs", "step") else None
     if slope is None:
-        return ()
-    size = np.max(np.abs(slope), axis=(0, 2), keepdims=True)
-    moved = [i for i, one in enumerate(slope) if np.any(np.abs(one) > NO_SLOPE * size[0])]
-    for i, j in combinations(moved, 2):
-        if len(moved) == 2 and np.all(np.abs(slope[i] + slope[j]) <= NO_SLOPE * size[0]):
-            return across(names[i], names[j])
-    return ()
+        return None
+    none = NO_SLOPE * np.max(np.abs(slope), axis=(0, 2))[:, None]
+    moved = [i for i, one in enumerate(slope) if np.any(np.abs(one) > none)]
+    opposed = len(moved) == 2 and np.all(np.abs(slope[moved].sum(axis=0)) <= none)
+    if len(moved) != 1 and not opposed:
+        return None
+    return Across(tuple(names[i] for i in moved), bool(np.all(np.ptp(slope[moved[0]], axis=1)[:, None] <= none)))
 
 
 def _slopes(model: PlantModel, parameter: str) -> np.ndarray | None:

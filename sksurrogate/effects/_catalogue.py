@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from sksurrogate._close_names import did_you_mean
+from sksurrogate.effects import _backlash as backlash
 from sksurrogate.effects import _balance as balance
 from sksurrogate.effects import _disturbance as disturbance
 from sksurrogate.effects import _exchange as exchange
@@ -34,6 +35,7 @@ _ORDER: tuple[type[BaseEffect], ...] = (
     parameter.ParameterDrift,
     parameter.ParameterStep,
     parameter.ParameterDependence,
+    backlash.Backlash,
     balance.ConstantBias,
     balance.LinearLoss,
     balance.QuadraticLoss,

@@ -7,13 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from sksurrogate.effects._across_element import differences_across
+from sksurrogate.effects._across_element import across_element
 from sksurrogate.effects._base_effect import BaseEffect
 from sksurrogate.effects._families import ParameterEffect
 from sksurrogate.effects._levelling import Levelling
 from sksurrogate.effects._onset import Starting
 from sksurrogate.effects._parts import Parameter, Probe
 from sksurrogate.effects._smooth import TINY, after
+from sksurrogate.effects._variable import differences
 from sksurrogate.physics._simulator import Plant
 
 #: Times, as shares of the longest run, at which jumps are tried.
@@ -125,7 +126,9 @@ class ParameterDependence(ParameterEffect):
         """Every state and input, and the difference across an element, on parameters whose nominal value is not 0."""
         if plant.params[location] == 0:
             return ()
-        return (*plant.states, *plant.inputs, *differences_across(plant, location))
+        found = across_element(plant, location)
+        pair = found.signals if found is not None and len(found.signals) == 2 else None
+        return (*plant.states, *plant.inputs, *(differences(*pair) if pair else ()))
 
     def value(self, p: Any, t: Any, theta: Sequence[Any], width: float, v: Any = 0.0) -> Any:
         s, power = theta[0] * v + theta[1], 1.0 - self.curvature

@@ -11,10 +11,10 @@ import numpy as np
 _DIFFERENCE = re.compile(r"(?:abs)?\((.+) - (.+)\)(\^2)?")
 
 
-def across(one: str, other: str) -> tuple[str, str]:
+def differences(one: str, other: str) -> tuple[str, str]:
     """The variables of what acts across an element, alike in both directions.
 
-    >>> across("T", "Ta")
+    >>> differences("T", "Ta")
     ('abs(T - Ta)', '(T - Ta)^2')
     """
     return f"abs({one} - {other})", f"({one} - {other})^2"

@@ -102,6 +102,8 @@ TANKS = [
     ("cascaded_tanks", ("sqrt_leak", "lower", "lower", {"coefficient": 0.1})),
     ("cascaded_tanks", ("power_law", "upper", "upper", {"coefficient": 0.02, "exponent": 1.4})),
     ("cascaded_tanks", ("overflow", "upper", "lower", {"limit": 6.0, "share": 0.6})),
+    ("two_mass_drive", ("backlash", "shaft", "twist", {"half_width": 0.01})),
+    ("two_mass_drive", ("backlash", "shaft_damping", "abs(motor_speed - load_speed)", {"half_width": 0.1})),
     ("mixing_tank", ("input_coupling", "water", "brine", {"coefficient": 0.2})),
 ]
 EVERY = [("oscillator", one) for one in OSCILLATOR] + TANKS

@@ -24,6 +24,7 @@ TABLE = {
     "parameter_drift": ["rate"],
     "parameter_step": ["relative_error", "time"],
     "parameter_dependence": ["slope", "relative_error"],
+    "backlash": ["half_width"],
     "constant_bias": ["value"],
     "linear_loss": ["coefficient"],
     "quadratic_loss": ["coefficient"],

@@ -24,6 +24,7 @@ SAID = {
     "end_stop": (1.0, 0.7),
     "power_law": (1.0, 0.5),
     "parameter_dependence": (0.5, 0.1),
+    "backlash": (0.5,),
     "parameter_drift": (-0.09,),
 }
 UNLIKELY = [
@@ -40,13 +41,18 @@ UNLIKELY = [
     ("end_stop", (1.0, -1.1)),
     ("power_law", (1.0, 0.1)),
     ("parameter_dependence", (0.5, -0.9)),
+    ("backlash", (1.1,)),  # wider than the parts move
     ("parameter_drift", (-0.11,)),
 ]
 
 
 def at(name):
     effect = CATALOGUE[name]
-    return effect("k", *["v"] * (name == "parameter_dependence")) if effect.kind == "parameter" else effect("v", "v")
+    return (
+        effect("k", *["v"] * (name in ("parameter_dependence", "backlash")))
+        if effect.kind == "parameter"
+        else effect("v", "v")
+    )
 
 
 @pytest.mark.parametrize(("settled", "time_constant", "plausible"), [

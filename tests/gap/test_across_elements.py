@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from sksurrogate.effects import CATALOGUE, AugmentedSimulator
-from sksurrogate.effects._across_element import differences_across
+from sksurrogate.effects._across_element import across_element
 from sksurrogate.export import to_casadi
 from sksurrogate.gap import GapDiagnoser
 from sksurrogate.physics import ODESimulator, StepSimulator
@@ -126,32 +126,56 @@ def test_a_coupling_that_hardens_depends_on_the_square():
 
 def test_which_parameters_are_those_of_an_element():
     """What else a parameter scales, or a second signal that counts, makes it none."""
-    drive, room = describe(DRIVE), describe(BODY)
-    assert differences_across(drive, "k") == ("abs(q1 - q2)", "(q1 - q2)^2")
-    assert differences_across(drive, "d") == ("abs(w1 - w2)", "(w1 - w2)^2")
-    assert differences_across(room, "C") == ()  # the power counts too
-    assert differences_across(describe(TANKS), "cv") == ()
+    drive, room, tanks = describe(DRIVE), describe(BODY), describe(TANKS)
+    assert across_element(drive, "k") == (("q1", "q2"), True)
+    assert across_element(drive, "d") == (("w1", "w2"), True)
+    assert across_element(room, "C") is None  # the power counts too
+    assert across_element(tanks, "cv") == (("h2",), False)  # in proportion to a root
 
     def step(t, x, u, p, dt):
         return (x[0] + dt * (p["a"] * (u[0] - x[0]) - p["b"] * x[0]),)
 
     stepped = StepSimulator(step, states=["x"], inputs=["u"], outputs=["x"], params={"a": 1.0, "b": 0.5}, dt=0.1)
-    found = [differences_across(describe(stepped), name) for name in "ab"]
-    assert found == [("abs(x - u)", "(x - u)^2"), ()]
+    assert [across_element(describe(stepped), name) for name in "ab"] == [(("x", "u"), True), (("x",), True)]
 
 
-@pytest.mark.parametrize("variable", ["abs(h1 - h2)", "(h1 - h2)^2"])
-def test_a_difference_acts_alike_in_every_form_of_a_simulator(variable):
-    """Run, derivative by hand, graph of CasADi."""
-    effect = CATALOGUE["parameter_dependence"]("k", variable)
-    augmented = AugmentedSimulator(TANKS, [effect], [{"slope": 0.3, "relative_error": -0.2}])
+@pytest.mark.slow
+@pytest.mark.parametrize("free", [[], ["k"]], ids=["known", "free"])
+def test_play_in_a_coupling_is_a_backlash(free):
+    """0.04 rad at each side, as a gear has it; half of the samples lie within."""
+
+    def rate(x, u):
+        twist, slip = x[0] - x[2], x[1] - x[3]
+        through = 40.0 * np.sign(twist) * max(abs(twist) - 0.04, 0.0) + 0.1 * slip
+        return x[1], (u[0] - 0.1 * x[1] - through) / 0.05, x[3], (through - 0.15 * x[3]) / 0.08
+
+    report = diagnosed(
+        rate, DRIVE, lambda rng: (held(rng, -8.0, 8.0, 10)[:, None], np.zeros(4)), free_params=free
+    ).report_
+    (effect,) = report.effects
+    assert report.verdict == "explained" and key_of(effect) == ("backlash", "k", "abs(q1 - q2)")
+    assert effect.params["half_width"] == pytest.approx(0.04, rel=0.02)
+
+
+ACROSS = [
+    ("parameter_dependence", "abs(h1 - h2)", {"slope": 0.3, "relative_error": -0.2}, 1.0 + 0.3 * 2.0 - 0.2),
+    ("parameter_dependence", "(h1 - h2)^2", {"slope": 0.3, "relative_error": -0.2}, 1.0 + 0.3 * 4.0 - 0.2),
+    ("backlash", "abs(h1 - h2)", {"half_width": 0.5}, 1.0 - 0.5 / 2.0),
+    ("backlash", "abs(h1 - h2)", {"half_width": 2.5}, 0.0),
+]
+
+
+@pytest.mark.parametrize("name, variable, params, factor", ACROSS)
+def test_a_difference_acts_alike_in_every_form_of_a_simulator(name, variable, params, factor):
+    """The derivative by hand, a run, and the graph of CasADi, stepped."""
+    augmented = AugmentedSimulator(TANKS, [CATALOGUE[name]("k", variable)], [params])
     U, x0 = np.full((50, 2), [0.6, 0.3]), np.array([1.0, 3.0])
-    apart = abs(x0[0] - x0[1]) if variable.startswith("abs") else (x0[0] - x0[1]) ** 2
-    k = 0.5 * (1.0 + 0.3 * apart - 0.2)
-    expected = (0.6 + k * 2.0) / 10.0, (0.3 - k * 2.0 - 0.5 * np.sqrt(3.0)) / 8.0
+    flow = 0.5 * factor * (x0[0] - x0[1])
+    expected = (0.6 - flow) / 10.0, (0.3 + flow - 0.5 * np.sqrt(3.0)) / 8.0
     np.testing.assert_allclose(augmented.rhs(0.0, x0, U[0], augmented.params), expected, rtol=1e-12)
     function, x, path = to_casadi(augmented), x0, []
     for u in U:
         path.append(x)
         x = np.array(function(x, u)[0]).ravel()
-    np.testing.assert_allclose(path, augmented.simulate(U, x0=x0), rtol=1e-9)
+    near = 1e-4 if name == "backlash" else 1e-9  # a kink within a step
+    np.testing.assert_allclose(path, augmented.simulate(U, x0=x0), rtol=near)
