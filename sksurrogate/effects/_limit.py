@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -50,6 +50,11 @@ class StateSaturation(LimitEffect):
     ) -> tuple[np.ndarray, np.ndarray | None]:
         """``min(x, c)``."""
         return np.minimum(x, theta[0]), None
+
+    @classmethod
+    def instances(cls, plant: Plant, balances: Sequence[str]) -> Iterator[BaseEffect]:
+        """Every state: a simulator that cuts off a position changes no balance."""
+        return super().instances(plant, plant.states)
 
     def starts(self, probe: Probe) -> list[tuple[float, ...]]:
         """Limits at quantiles of the reached range and just below its top."""

@@ -21,6 +21,9 @@ NOT_MOVED = 1e-9
 CONSTANT = 1e-3
 #: What a solver smears over a step is corrected up to this share; a step in which the plant moves by more is left as it is.
 SMEARED, WITHIN_STEP = 1e-3, 0.7
+#: How much further from the initial state the points are, too, at which a step is seen: where inputs move a light body fast, its speed
+#: is seen at high speeds only.
+FURTHER = (1.0, 10.0, 100.0)
 #: Least share of |cosine| from which two columns of gains are the same column but for a factor.
 PARALLEL = 1.0 - 1e-6
 #: Gains of the models that were asked for them.
@@ -223,7 +226,9 @@ def integrals(model: PlantModel) -> dict[str, str | None]:
             else:
                 short = 1e-4 * plant.dt
                 same = _identical((model.step(t, x, u, short) - x) / short, x, 1e-2)
-                same |= _between(model.step(t, x, u, plant.dt), x, plant.dt)
+                for size in FURTHER:
+                    far = plant.x0[:, None] + size * (x - plant.x0[:, None])
+                    same |= _between(model.step(t, far, u, plant.dt), far, plant.dt)
         for i, j in zip(*np.nonzero(same & ~np.eye(n, dtype=bool))):
             found.setdefault(plant.states[int(i)], plant.states[int(j)])
     declared = tuple(getattr(plant.simulator, "kinematic", None) or ())

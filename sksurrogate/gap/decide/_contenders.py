@@ -55,6 +55,9 @@ def contenders(
 ) -> tuple[Contender, list[Contender]]:
     """What stands beside its law, and the sets with another effect in the place of one, beside theirs.
 
+    A set that says the same in more names counts too where it is likelier before any data: two usual effects with fewer parameters than
+    a special one.
+
     They are judged in the order of the most that they could reach: to be as likely as what stands, at the price of a law that
     corrects the form in one direction, and of its choice among those of its place and signal.
 
@@ -70,7 +73,9 @@ def contenders(
 
     near = _near(search, final)
     others: list[Contender] = []
-    swapped = [one for one in swaps(search, final.candidate) if one in near and frozenset(one.keys) not in fallen]
+    plainer = [one for one in in_more_names(search, final) if _before(search, one) > own.before]
+    swapped = [one for one in swaps(search, final.candidate) if one in near] + plainer
+    swapped = [one for one in swapped if frozenset(one.keys) not in fallen]
     for candidate in sorted(swapped, key=reach, reverse=True)[:MOST_OTHERS]:
         if own.net + reach(candidate) > max([own.net, *(one.net for one in others)]) - NATS_THAT_SETTLE:
             others.extend(judged_contender(search, final, candidate, [law.name]))
@@ -104,7 +109,7 @@ def elsewhere(search: OdeSearch, final: Evidence, own: Contender) -> list[tuple[
 
 
 def in_more_names(search: OdeSearch, final: Evidence) -> list[OdeCandidate]:
-    """Sets that say in more names what stands: these data cannot tell them apart, so the fewest names stand."""
+    """Sets that say in more names what stands: these data cannot tell them apart."""
     named = set(final.candidate.keys)
     more = (one for one in _near(search, final) if len(one.effects) > len(named) and not named <= set(one.keys))
     return [one for one in more if nats_apart(one, final.candidate, final.noise) < NATS_THAT_SETTLE]

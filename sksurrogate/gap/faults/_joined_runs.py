@@ -39,7 +39,8 @@ def say_joined_runs(runs: Sequence[Run], plant: Plant) -> None:
     for run in runs:
         assert run.y is not None
         own = run.y - shown_at_once(run.X, run.y)
-        found = joined_at(own)
+        # where a controller moves the input with the reading, what the input seems to show moves alone
+        found = [np.intersect1d(a, b) for a, b in zip(joined_at(own), joined_at(run.y))]
         if not any(len(rows) for rows in found):
             continue
         moves = _largest_steps(plant, run.X)

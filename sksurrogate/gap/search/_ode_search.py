@@ -221,8 +221,8 @@ class OdeSearch(Expander):
             if not numerics_matter(finer, best):
                 break
             fitted = best.resumed(finer, max_steps=FIT_STEPS)
-            if fitted is None or fitted.fit.cost > best.fit.cost + 2.0:
-                break
+            if fitted is None or (fitted.fit.cost > best.fit.cost + 2.0 and not fitted.fit.converged):
+                break  # what long steps alone brought nearer to the data does not stand
             best = fitted
         return best
 
