@@ -13,7 +13,7 @@ from sksurrogate.effects._disturbance import frequencies
 from sksurrogate.effects._model import AugmentedModel
 from sksurrogate.effects._structure import kinematic_states
 from sksurrogate.kernels.record import Record
-from sksurrogate.physics import ODESimulator
+from sksurrogate.physics import ODESimulator, StepSimulator
 from sksurrogate.physics._model import PlantModel
 from sksurrogate.physics._simulator import describe
 from sksurrogate.testing import check_effect
@@ -287,6 +287,18 @@ def test_kinematic_identities_are_seen_through_a_step_function():
             return x[0] + dt * v, v
 
     assert kinematic_states(PlantModel(describe(Stepper()))) == ("q",)
+
+
+def test_a_light_body_that_inputs_move_fast_within_a_step_has_a_speed():
+    def step(t, x, u, p, dt):
+        q, v = x
+        for _ in range(10):  # steps of its own, whatever dt is
+            v = v + 0.002 * (u[0] - 0.8 * np.sin(q) - p["d"] * v) / (0.014 + 0.002 * p["d"])
+            q = q + 0.002 * v
+        return q, v
+
+    names = {"states": ["q", "v"], "inputs": ["torque"], "outputs": ["q"], "params": {"d": 0.05}, "dt": 0.02}
+    assert kinematic_states(PlantModel(describe(StepSimulator(step, **names)))) == ("q",)
 
 
 # ---- starting values -----------------------------------------------------------------------------------------------

@@ -89,3 +89,22 @@ def test_levels_of_a_coarse_sensor_are_no_seams():
     X, y, groups = record(("angle",))
     y = 0.6 * np.round(y / 0.6) + 0.01 * np.random.default_rng(3).normal(size=y.shape)
     assert said(X, y, groups, arm(outputs=("angle",))) == []
+
+
+def test_a_command_that_follows_the_reading_shows_nothing_at_once():
+    """A mass under its controller: the reference jumps, and the reading does not."""
+    simulator = ODESimulator(
+        lambda t, x, u, p: [x[1], (u[0] - 3.0 * x[1]) / 2.0],
+        states=["x", "v"], inputs=["force"], outputs=["x"], params={}, dt=0.02,
+    )  # fmt: skip
+    for seed in range(30):
+        rng, x, v, X, Y = np.random.default_rng(seed), 0.0, 0.0, [], []
+        reference = np.repeat(rng.uniform(-1.0, 1.0, 6), 50)
+        for aim in reference:
+            X.append(np.clip(20.0 * (aim - x) - 6.0 * v, -15.0, 15.0))
+            Y.append(x)
+            for _ in range(20):
+                v += 0.001 * (X[-1] - 3.0 * v) / 2.0
+                x += 0.001 * v
+        y = np.array(Y)[:, None] + 0.005 * np.ptp(Y) * rng.normal(size=(300, 1))
+        assert said(np.array(X)[:, None], y, None, simulator) == [], seed

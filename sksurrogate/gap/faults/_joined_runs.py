@@ -39,12 +39,13 @@ def say_joined_runs(runs: Sequence[Run], plant: Plant) -> None:
     for run in runs:
         assert run.y is not None
         own = run.y - shown_at_once(run.X, run.y)
-        # where a controller moves the input with the reading, what the input seems to show moves alone
-        found = [np.intersect1d(a, b) for a, b in zip(joined_at(own), joined_at(run.y))]
+        found = joined_at(own)
         if not any(len(rows) for rows in found):
             continue
         moves = _largest_steps(plant, run.X)
-        beyond = [rows[EXPECTED * sizes_at(rows, z) > most] for rows, z, most in zip(found, own.T, moves)]
+        # where a controller moves the input with the reading, what the input seems to show moves alone
+        sizes = [np.minimum(sizes_at(at, y), sizes_at(at, z)) for at, y, z in zip(found, run.y.T, own.T)]
+        beyond = [rows[EXPECTED * size > most] for rows, size, most in zip(found, sizes, moves)]
         starts = np.unique(np.concatenate(beyond))
         shortest = min(np.min(np.diff([0, *rows, len(run.y)])) for rows in beyond)
         if not len(starts) or shortest < SHORTEST_RUN:
