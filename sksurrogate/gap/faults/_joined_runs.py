@@ -32,6 +32,8 @@ SHORTEST_RUN = 8
 MOST_MOVES = 4096
 #: Least squares, each weighted by what the last one leaves, that give the least sum of absolute deviations.
 REWEIGHTED = 20
+#: An input that a reading shows at once leaves less than this share of its moves.
+SHOWN = 0.5
 
 
 def say_joined_runs(runs: Sequence[Run], plant: Plant) -> None:
@@ -43,9 +45,7 @@ def say_joined_runs(runs: Sequence[Run], plant: Plant) -> None:
         if not any(len(rows) for rows in found):
             continue
         moves = _largest_steps(plant, run.X)
-        # where a controller moves the input with the reading, what the input seems to show moves alone
-        sizes = [np.minimum(sizes_at(at, y), sizes_at(at, z)) for at, y, z in zip(found, run.y.T, own.T)]
-        beyond = [rows[EXPECTED * size > most] for rows, size, most in zip(found, sizes, moves)]
+        beyond = [rows[EXPECTED * sizes_at(rows, z) > most] for rows, z, most in zip(found, own.T, moves)]
         starts = np.unique(np.concatenate(beyond))
         shortest = min(np.min(np.diff([0, *rows, len(run.y)])) for rows in beyond)
         if not len(starts) or shortest < SHORTEST_RUN:
@@ -58,7 +58,8 @@ def say_joined_runs(runs: Sequence[Run], plant: Plant) -> None:
 def shown_at_once(X: np.ndarray, y: np.ndarray) -> np.ndarray:
     """What inputs (n_rows, n_inputs) add to readings (n_rows, n_outputs) in the same row.
 
-    Moves of the readings over those of the inputs, with the least sum of absolute deviations: a run that begins is an outlier.
+    Moves of the readings over those of the inputs, with the least sum of absolute deviations: a run that begins is an outlier. Nothing
+    where most of the moves stay: a controller moves its input with the reading, and not the other way round.
 
     >>> moves = np.repeat([0.0, 3.0, 1.0], 4)[:, None]
     >>> float(np.ptp(5.0 * moves - shown_at_once(moves, 5.0 * moves)).round(9))
@@ -74,7 +75,9 @@ def shown_at_once(X: np.ndarray, y: np.ndarray) -> np.ndarray:
             gain = linear_least_squares(weights[:, None] * du[known], weights * moved[known])
             left = np.abs(moved[known] - du[known] @ gain)
             weights = 1.0 / np.sqrt(np.maximum(left, max(1e-9 * float(np.max(left)), 1e-300)))
-        out[:, j] = X @ gain
+        left = np.abs(moved[known] - du[known] @ gain)
+        if np.sum(left) < SHOWN * np.sum(np.abs(moved[known])):
+            out[:, j] = X @ gain
     return out
 
 
