@@ -33,7 +33,7 @@ MOST_MOVES = 4096
 #: Least squares, each weighted by what the last one leaves, that give the least sum of absolute deviations.
 REWEIGHTED = 20
 #: An input that a reading shows at once leaves less than this share of its moves.
-SHOWN = 0.5
+MOVES_LEFT = 0.5
 
 
 def say_joined_runs(runs: Sequence[Run], plant: Plant) -> None:
@@ -76,7 +76,7 @@ def shown_at_once(X: np.ndarray, y: np.ndarray) -> np.ndarray:
             left = np.abs(moved[known] - du[known] @ gain)
             weights = 1.0 / np.sqrt(np.maximum(left, max(1e-9 * float(np.max(left)), 1e-300)))
         left = np.abs(moved[known] - du[known] @ gain)
-        if np.sum(left) < SHOWN * np.sum(np.abs(moved[known])):
+        if np.sum(left) < MOVES_LEFT * np.sum(np.abs(moved[known])):
             out[:, j] = X @ gain
     return out
 
