@@ -36,7 +36,10 @@ class JoinedInputs(BaseFault):
 
     def described(self, record: Record, names: Names, share: float) -> DataFault:
         """With the parameter of the simulator."""
-        remedy = 'Give the simulator hold="foh", as augmented_ has it.'
+        remedy = (
+            'Give the simulator hold="foh", as augmented_ has it. If the inputs are held, the readings come half a row early, as those of '
+            "a physics engine with semi-implicit steps: then give its steps (StepSimulator)."
+        )
         return DataFault("hold", None, "input", tuple(names.labels), (), np.nan, self.removed, remedy=remedy)
 
 
