@@ -12,6 +12,8 @@ from sksurrogate.physics._simulator import Plant
 
 #: Relative change of a parameter, and of a signal over its size, from which slopes are taken.
 PARAMETER_PUSH, SIGNAL_PUSH = 1e-3, 1e-2
+#: Every so many of the random points are looked at: calls of a simulator may be dear, and few points tell equal slopes.
+EVERY = 3
 #: A slope below this share of the largest of its rate is none.
 NO_SLOPE = 1e-4
 
@@ -48,7 +50,7 @@ def across_element(plant: Plant, parameter: str) -> Across | None:
 
 def _slopes(model: PlantModel, parameter: str) -> np.ndarray | None:
     """Slopes in every signal of the slope of the rates in a parameter, (n_signals, n_states, n_points); None where some are not finite."""
-    t, x, u = points_about(model)
+    t, x, u = (some[..., ::EVERY] for some in points_about(model))
     signals, n = np.concatenate([x, u]), len(x)
     step = SIGNAL_PUSH * np.maximum(np.max(np.abs(signals), axis=1), 1e-12)
     pushes = np.diag(step)[:, :, None]

@@ -113,7 +113,7 @@ RULES: tuple[Rule, ...] = (
         "grid_beside_names",
         lambda f: f.rounding > 0.0 and f.names > 0 and certain(f),
         "partial",
-        "The evidence is certain of the effects. The readings also lie on a grid, and no named effect explains it.",
+        "Of all candidates the data choose these effects. The readings also lie on a grid, and no named effect explains it.",
     ),
     Rule("grid", lambda f: f.rounding > 0.0, "unknown", "The readings lie on a grid, and no effect explains it."),
     Rule(
@@ -165,7 +165,7 @@ RULES: tuple[Rule, ...] = (
         "law_left",
         lambda f: f.names > 0,
         "partial",
-        "The evidence is certain of the effects, but more than the tolerance remains.",
+        "Of all candidates the data choose these effects, but more than the tolerance remains.",
     ),
     Rule(
         "most_left",
