@@ -190,8 +190,11 @@ def _read(
     clock, marks = _Clock(), dict.fromkeys(wanted, "")
     for line, row in _samples(rows, clock=time is not None):
         if len(row) != len(header):
-            hint = " Are numbers written with decimal commas?" if len(row) > len(header) else ""
-            raise DataError(f"{name}, line {line}: {len(row)} cells, expected {len(header)} as in the header.{hint}")
+            hint = "Are numbers written with decimal commas? " if len(row) > len(header) else ""
+            raise DataError(
+                f"{name}, line {line}: {len(row)} cells, expected {len(header)} as in the header. {hint}"
+                f"Give the line one cell for each column, or leave it out. It reads {delimiter.join(row)[:60]!r}."
+            )
         for j, column in zip(places, wanted):
             text = row[j]
             if delimiter != ",":

@@ -8,6 +8,7 @@ from html import escape
 
 import numpy as np
 
+from sksurrogate.effects._base_effect import BaseEffect
 from sksurrogate.effects._catalogue import CATALOGUE
 from sksurrogate.effects._families import BalanceEffect, HiddenEffect
 from sksurrogate.exceptions import SurrogateError
@@ -58,6 +59,18 @@ def balance_axis(location: str, kind: str, report: ReportData) -> str:
     return labelled(f"added to {kind} {location}", report.units.get(location, ""))
 
 
+#: How a parameter depends on ``s = c v + c2``, by its curvature.
+DEPENDENCES = {0.0: "p (1 + s)", 1.0: "p exp(s)", 2.0: "p / (1 - s)", -1.0: "p sqrt(1 + 2 s)"}
+
+
+def _equation_of(effect: EffectEstimate, kind: type[BaseEffect]) -> str:
+    """The equation of an effect with its own numbers: the input before a run, the curvature of a dependence."""
+    if effect.name == "parameter_dependence":
+        power = 1.0 - effect.curvature
+        return f"{DEPENDENCES.get(effect.curvature) or f'p (1 + {power:.3g} s)^{1.0 / power:.3g}'}, s = c v + c2"
+    return kind.equation if effect.before is None else kind.equation.replace("w(0) = u(0)", f"w(0) = {effect.before:g}")
+
+
 def form_of(effect: EffectEstimate) -> str:
     """The form of an effect of the catalogue, with what its letters are; empty for others.
 
@@ -66,18 +79,20 @@ def form_of(effect: EffectEstimate) -> str:
     >>> lag = EffectEstimate("input_lag", "valve", None, 1.0, {"time_constant": 0.3}, {}, 1.0, before=0.0)
     >>> form_of(lag)
     '<p>Form: <code>c dw/dt + w = u, w(0) = 0</code>, with c = time constant, u = valve</p>'
+    >>> warm = EffectEstimate("parameter_dependence", "k", "T", 1.0, {"slope": 0.1, "relative_error": 0.0}, {}, 1.0, curvature=1.0)
+    >>> form_of(warm)
+    '<p>Form: <code>p exp(s), s = c v + c2</code>, with c = slope, v = T, p = k, c2 = relative error</p>'
     """
     kind = CATALOGUE.get(effect.name)
     if kind is None:
         return ""
-    words = set(re.findall(r"\bd?([cvxyup])\b", kind.equation))
+    equation = _equation_of(effect, kind)
+    words = set(re.findall(r"\bd?(c2|[cvxyup])\b", equation))
     letters = {"c": next(iter(effect.params), ""), "v": effect.variable or "", **dict.fromkeys("xyup", effect.location)}
+    letters["c2"] = next(iter([*effect.params][1:]), "")
     known = [f"{letter} = {readable(name)}" for letter, name in letters.items() if letter in words and name]
     balance = issubclass(kind, BalanceEffect) and kind.equation[0] in "+-"
     place = f", added to the balance of {escape(effect.location)}" if balance and not effect.at_port else ""
-    equation = (
-        kind.equation if effect.before is None else kind.equation.replace("w(0) = u(0)", f"w(0) = {effect.before:g}")
-    )
     return f"<p>Form: <code>{escape(equation)}</code>{place}{escape(', with ' + ', '.join(known)) if known else ''}</p>"
 
 
